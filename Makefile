@@ -1,0 +1,61 @@
+# Every target first sees to .venv: made, or made anew when it is incomplete or out of date.
+PYTHON ?= python3
+PROFILE ?= quick
+# Processes that run the tests; 0 runs them in pytest's own.
+WORKERS ?= 0
+# An index that has CPU builds of torch; needed on Linux only, see environment.md.
+TORCH_INDEX ?=
+
+BIN := .venv/bin
+export PYOPENGL_PLATFORM ?= egl
+export TORCH_INDEX
+
+.DEFAULT_GOAL := help
+.NOTPARALLEL:
+.PHONY: help setup reproduce test test-all lab lint format lock clean profile
+
+help:
+	@echo "make reproduce    the paper's evaluation, figures and notebooks (PROFILE=quick or paper)"
+	@echo "make test         lint, types and the fast tests"
+	@echo "make test-all     lint, types and every test at full counts"
+	@echo "make lab          open the notebooks in JupyterLab"
+	@echo "make lint         check style and types"
+	@echo "make format       mend style"
+	@echo "make setup        only make .venv and check the system libraries"
+	@echo "make lock         pin the newest versions that pyproject.toml allows (needs uv)"
+	@echo "make clean        remove what was built, .venv aside"
+
+setup:
+	@command -v "$(PYTHON)" >/dev/null || { echo "No $(PYTHON) here: VRChain needs Python 3.11 or 3.12 (sudo apt-get install python3 python3-venv), or make PYTHON=/path/to/python3" >&2; exit 1; }
+	@"$(PYTHON)" tools/setup.py
+
+profile:
+	@case "$(PROFILE)" in quick|paper) ;; *) echo "PROFILE is quick or paper, not '$(PROFILE)': make reproduce PROFILE=paper" >&2; exit 2;; esac
+
+reproduce: profile setup
+	$(BIN)/vrchain reproduce --profile $(PROFILE)
+
+lint: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+test: lint
+	$(BIN)/pytest -m "not slow" -n $(WORKERS)
+
+test-all: lint
+	$(BIN)/pytest -n $(WORKERS) --hypothesis-profile=full
+
+lab: setup
+	$(BIN)/jupyter lab notebooks
+
+format: setup
+	$(BIN)/ruff check --fix .
+	$(BIN)/ruff format .
+
+lock:
+	uv pip compile pyproject.toml --upgrade --quiet --custom-compile-command "make lock" -o requirements.lock
+
+clean:
+	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	find . -name __pycache__ -type d -not -path './.venv/*' -exec rm -rf {} +

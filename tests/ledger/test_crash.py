@@ -1,0 +1,85 @@
+"""Writers that are killed, and several at once: nothing acknowledged is lost."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from ledgers import ROOT, new_ledger
+
+from vrchain.ledger import Ledger, verify
+from vrchain.seeding import generator
+
+# Publishes for ever, or a given number of times; says each id once it is acknowledged.
+WRITER = """
+import sys
+from ledgers import KEYS
+from vrchain.ledger import Ledger
+folder, robot, count, size = sys.argv[1], sys.argv[2], int(sys.argv[3]), int(sys.argv[4])
+with Ledger.open(folder, writable=True, wait_s=30) as ledger:
+    for number in range(count):
+        ledger.refresh()
+        last = ledger.latest(robot)
+        sequence = last.sequence + 1 if last else 0
+        payload = b"%s %d " % (robot.encode(), sequence) + bytes(size)
+        transaction = ledger.publish(robot, KEYS[robot], payload, "time", ledger.head.timestamp_ns)
+        print(transaction.id.hex(), flush=True)
+"""
+
+
+def writer(folder: Path, robot: str, count: int, size: int) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-c", WRITER, str(folder), robot, str(count), str(size)],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests' / 'ledger'}"},
+    )
+
+
+def acknowledged(output: str) -> list[bytes]:
+    """The ids of all whole lines."""
+    return [bytes.fromhex(line) for line in output.split("\n")[:-1]]
+
+
+@pytest.mark.parametrize("kills", [5, pytest.param(200, marks=pytest.mark.slow)])
+def test_a_killed_writer_loses_nothing_acknowledged(tmp_path: Path, kills: int) -> None:
+    folder = tmp_path / "ledger"
+    new_ledger(folder).close()
+    source = generator(0, "kills", kills)
+    known: list[bytes] = []
+    for _ in range(kills):
+        process = writer(folder, "R1", count=10**9, size=50_000)
+        assert process.stdout is not None
+        first = process.stdout.readline()
+        time.sleep(source.uniform(0, 0.1))
+        process.send_signal(signal.SIGKILL)
+        known += acknowledged(first + process.communicate()[0])
+        found = verify(folder)
+        assert found.ok, found.reason
+        with Ledger.open(folder) as ledger:
+            stored = [transaction.id for transaction in ledger.history("R1")]
+        # At most the one that was being acknowledged is there beside the known ones.
+        assert set(known) <= set(stored)
+        assert len(stored) - len(known) <= 1
+        known = stored
+    assert len(known) > 2 * kills
+
+
+def test_two_writers_take_turns(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    new_ledger(folder).close()
+    writers = {robot: writer(folder, robot, count=15, size=100) for robot in ("R1", "R2")}
+    with Ledger.open(folder) as reader:
+        while any(process.poll() is None for process in writers.values()):
+            reader.refresh()
+            time.sleep(0.01)
+        ids = {robot: acknowledged(process.communicate()[0]) for robot, process in writers.items()}
+        assert all(process.returncode == 0 for process in writers.values())
+        reader.refresh()
+        assert reader.head.height == 30
+        for robot in ("R1", "R2"):
+            assert [transaction.id for transaction in reader.history(robot)] == ids[robot]
+    assert verify(folder).ok

@@ -1,0 +1,237 @@
+"""The encoding is canonical and strict, and garbage never gets past the decoders."""
+
+import random
+from collections.abc import Callable
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC, new_chain, next_entry
+
+from vrchain.errors import LedgerError
+from vrchain.ledger.block import Block, decode_record
+from vrchain.ledger.chain import genesis_entry
+from vrchain.ledger.encoding import MAX_RECORD_BYTES, decode, digest, encode, split
+from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
+from vrchain.ledger.membership import Enrolment, Genesis
+from vrchain.ledger.peer import accept
+from vrchain.ledger.transaction import REASONS, Transaction
+
+integers = st.integers(0, 2**63 - 1)
+texts = st.text(st.characters(exclude_categories=["Cs"]), max_size=20)
+leaves = integers | texts | st.binary(max_size=40)
+fields = st.recursive(leaves, lambda inner: st.lists(inner, max_size=4).map(tuple), max_leaves=8)
+names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,20}", fullmatch=True).filter(
+    lambda name: name != "operator"
+)
+digests = st.binary(min_size=32, max_size=32)
+
+GENESIS = genesis_entry(PUBLIC, OPERATOR_KEY, 0, "golden")
+TRANSACTION = Transaction(GENESIS.records[0].id, "R1", 3, 5_000, "view", digest(b"payload"))
+ENROLMENT = Enrolment(GENESIS.records[0].id, 0, 6_000, "R3", KEYS["R3"].public)
+BLOCK = Block(1, GENESIS.block.hash, 7_000, (bytes(32),), (("R1", bytes(32)),), "R1")
+RECORDS = {
+    "genesis": GENESIS.records[0].record,
+    "transaction": TRANSACTION.signed(KEYS["R1"]).record,
+    "enrolment": ENROLMENT.signed(OPERATOR_KEY).record,
+    "block": BLOCK.signed(KEYS["R1"]).record,
+}
+
+
+def accept_one(data: bytes) -> object:
+    return accept(None, [data])
+
+
+def accept_second(data: bytes) -> object:
+    """As the record that comes with a good block."""
+    chain = new_chain()
+    return accept(chain, [next_entry(chain).block.record, data, b""])
+
+
+DECODERS: list[Callable[[bytes], object]] = [
+    split,
+    Transaction.decode,
+    Enrolment.decode,
+    Genesis.decode,
+    Block.decode,
+    decode_record,
+    accept_one,
+    accept_second,
+]
+
+
+def test_the_bytes_are_as_documented() -> None:
+    assert encode("d", 1, "ü", b"\x00", ()) == (
+        b"s\0\0\0\x01d" + b"i\0\0\0\x08" + bytes(7) + b"\x01" + b"s\0\0\0\x02\xc3\xbc"
+        b"b\0\0\0\x01\x00" + b"t\0\0\0\0"
+    )
+
+
+def test_golden_digests() -> None:
+    """These change only with the format's version."""
+    assert {name: digest(record).hex() for name, record in RECORDS.items()} == {
+        "genesis": "6c6a0d8beeec83d15ba9ede2d1d3919d0a4a72d6049da7282e1f64b5691cacaf",
+        "transaction": "d1c91f3db8d3f4227fadb7653967d3bed423a1d9fa2153434288af67428a9977",
+        "enrolment": "41b5ef07bdf17289f0491ce5e453797d22daf505d5130df1d6324fbe0bd25f73",
+        "block": "c42e7a9bdc046f16ba3e3aed5538ad9a6603f29c8db42e81212a1312c43eeb8b",
+    }
+
+
+@given(texts, st.lists(fields, max_size=5))
+def test_round_trip(domain: str, values: list[Any]) -> None:
+    try:
+        data = encode(domain, *values)
+        assert decode(data, domain) == tuple(values)
+    except EncodingError as error:
+        assert "deep" in str(error)
+
+
+@given(st.binary(max_size=200))
+def test_what_decodes_is_canonical(data: bytes) -> None:
+    try:
+        domain, values = split(data)
+    except LedgerError:
+        return
+    assert encode(domain, *values) == data
+
+
+@given(digests, names, integers, integers, st.sampled_from(REASONS), digests)
+def test_transactions_round_trip(
+    ledger_id: bytes, robot: str, sequence: int, time_ns: int, reason: str, payload: bytes
+) -> None:
+    draft = Transaction(ledger_id, robot, sequence, time_ns, reason, payload)
+    transaction = draft.signed(KEYS["R1"])
+    assert Transaction.decode(transaction.record) == transaction
+    assert decode_record(transaction.record).id == transaction.id
+
+
+@given(integers, digests, st.lists(digests, max_size=3), st.dictionaries(names, digests), names)
+def test_blocks_round_trip(
+    height: int, previous: bytes, records: list[bytes], newest: dict[str, bytes], author: str
+) -> None:
+    table = tuple(sorted(newest.items()))
+    block = Block(height, previous, 0, tuple(records), table, author).signed(KEYS["R1"])
+    assert Block.decode(block.record) == block
+    assert Block.decode(block.record).hash == block.hash
+
+
+def garbage(draws: int) -> list[bytes]:
+    """Random bytes, and good records with some bytes changed, cut out, put in or repeated."""
+    source = random.Random(0)
+    found = [source.randbytes(source.randrange(300)) for _ in range(draws // 10)]
+    for number in range(draws):
+        data = bytearray(list(RECORDS.values())[number % len(RECORDS)])
+        for _ in range(source.randint(1, 3)):
+            start = source.randrange(len(data) + 1)
+            end = min(len(data), start + source.choice([0, 1, 1, 1, 4, 40]))
+            data[start:end] = source.choice(
+                [b"", b"\0", b"\xff", source.randbytes(end - start), bytes(data[start:end]) * 2]
+            )
+        found.append(bytes(data))
+    return found
+
+
+@pytest.mark.parametrize("count", [500, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_garbage_raises_only_the_ledgers_own_errors(count: int) -> None:
+    refused = 0
+    for data in garbage(count):
+        for decoder in DECODERS:
+            try:
+                decoder(data)
+            except LedgerError:
+                refused += 1
+    assert refused > 7 * count
+
+
+@pytest.mark.parametrize("value", [None, 1, "text", bytearray(b"b"), [b""]])
+def test_what_is_no_bytes_is_refused(value: object) -> None:
+    for decoder in DECODERS[:6]:
+        with pytest.raises(EncodingError):
+            decoder(value)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("kind", RECORDS)
+@pytest.mark.parametrize("decoder", [Transaction, Enrolment, Genesis, Block])
+def test_no_kind_passes_for_another(kind: str, decoder: type[Transaction]) -> None:
+    if decoder.__name__.lower() == kind:
+        assert decoder.decode(RECORDS[kind]).record == RECORDS[kind]
+    else:
+        with pytest.raises(EncodingError):
+            decoder.decode(RECORDS[kind])
+
+
+@pytest.mark.parametrize(
+    "data",
+    {
+        "empty": b"",
+        "no domain": b"i\0\0\0\x08" + bytes(8),
+        "short head": encode("d") + b"i\0\0",
+        "short field": encode("d") + b"b\0\0\0\x02x",
+        "huge length": encode("d") + b"b\xff\xff\xff\xff",
+        "unknown tag": encode("d") + b"x\0\0\0\0",
+        "short integer": encode("d") + b"i\0\0\0\x01\x01",
+        "negative integer": encode("d") + b"i\0\0\0\x08" + b"\xff" * 8,
+        "no UTF-8": encode("d") + b"s\0\0\0\x01\xff",
+        "deep": encode("d", ((((b"",),),),)) + b"t\0\0\0\x05" * 9,
+        "trailing byte": encode("d", 1) + b"\0",
+    }.items(),
+    ids=lambda item: item[0],
+)
+def test_bytes_that_are_not_canonical_are_refused(data: tuple[str, bytes]) -> None:
+    with pytest.raises(EncodingError):
+        split(data[1])
+
+
+@pytest.mark.parametrize("value", [-1, 2**63, True, None, 1.5, "\ud800", [1], bytearray()])
+def test_values_without_an_encoding_are_refused(value: object) -> None:
+    with pytest.raises(EncodingError):
+        encode("d", value)  # type: ignore[arg-type]
+
+
+def test_records_are_limited_in_size() -> None:
+    with pytest.raises(TooLargeError):
+        encode("d", bytes(MAX_RECORD_BYTES))
+    with pytest.raises(TooLargeError):
+        split(bytes(MAX_RECORD_BYTES + 1))
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [
+        ("ledger_id", bytes(31)),
+        ("robot", ""),
+        ("robot", "R 1"),
+        ("robot", "../R1"),
+        ("robot", "R1\n"),
+        ("robot", "\uff321"),
+        ("robot", "R" * 65),
+        ("sequence", -1),
+        ("sequence", True),
+        ("timestamp_ns", 1.0),
+        ("timestamp_ns", 2**63),
+        ("reason", "because"),
+        ("payload_digest", "00" * 32),
+    ],
+)
+def test_fields_that_are_not_allowed_are_refused(field: str, value: object) -> None:
+    good = {
+        "ledger_id": bytes(32),
+        "robot": "R1",
+        "sequence": 0,
+        "timestamp_ns": 0,
+        "reason": "view",
+        "payload_digest": bytes(32),
+    }
+    Transaction(**good)  # type: ignore[arg-type]
+    with pytest.raises(RecordError):
+        Transaction(**{**good, field: value})  # type: ignore[arg-type]
+
+
+def test_the_id_covers_the_signature() -> None:
+    signed = TRANSACTION.signed(KEYS["R1"])
+    other = TRANSACTION.signed(KEYS["R2"])
+    assert signed.body == other.body
+    assert signed.id != other.id
+    with pytest.raises(RecordError, match="signature"):
+        _ = TRANSACTION.id  # a draft has none

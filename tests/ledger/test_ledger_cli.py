@@ -1,0 +1,167 @@
+"""``vrchain ledger``: readable text or one JSON object; one line and status 1 on errors."""
+
+import json
+import stat
+from pathlib import Path
+from typing import Any
+
+import pytest
+from typer.testing import CliRunner
+
+from vrchain.cli.ledger import app
+from vrchain.errors import OutputError, VRChainError
+from vrchain.ledger import Ledger, errors
+
+
+@pytest.fixture(autouse=True)
+def home(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path / "config"))
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "payload").write_bytes(b"bytes")
+    return tmp_path
+
+
+def text(*arguments: object) -> str:
+    """What a command prints; what it raises for people to read is raised here too."""
+    result = CliRunner().invoke(app, [str(argument) for argument in arguments])
+    if isinstance(result.exception, VRChainError):
+        assert result.stdout == "" or "--json" in arguments
+        raise result.exception
+    assert result.exit_code == 0, result.output
+    assert result.stderr == ""
+    return result.stdout
+
+
+def answer(*arguments: object) -> dict[str, Any]:
+    """The one JSON object that a command prints."""
+    found = json.loads(text(*arguments, "--json"))
+    assert isinstance(found, dict)
+    return found
+
+
+def everything(folder: Path) -> list[Path]:
+    """All paths but those of SQLite's working files, which readers make too."""
+    return sorted(p for p in folder.rglob("*") if not p.name.endswith(("-wal", "-shm")))
+
+
+def test_from_init_to_export() -> None:
+    made = answer("init", "L", "--member", "R1", "--member", "R2", "--name", "demo")
+    assert made["members"] == ["R1", "R2"]
+    keys = Path(made["keys"])
+    assert sorted(path.name for path in keys.iterdir()) == ["R1.pem", "R2.pem", "operator.pem"]
+    assert all(stat.S_IMODE(path.stat().st_mode) == 0o600 for path in keys.iterdir())
+    first = answer("append", "L", "R1", "payload")
+    assert (first["robot"], first["sequence"], first["reason"]) == ("R1", 0, "start")
+    assert answer("append", "L", "R1", "payload")["reason"] == "time"
+    assert answer("append", "L", "R1", "payload", "--reason", "view")["sequence"] == 2
+    assert answer("enroll", "L", "R3")["height"] == 4
+    last = answer("append", "L", "R3", "payload")
+
+    shown = answer("show", "L")
+    assert (shown["name"], shown["height"], shown["head"]) == ("demo", 5, last["head"])
+    assert (shown["ledger_id"], shown["insecure"]) == (made["ledger_id"], False)
+    assert shown["robots"]["R2"] is None
+    assert shown["robots"]["R3"]["id"] == last["id"]
+    good = {"ok": True, "blocks": 6, "first_bad_block": None, "reason": ""}
+    assert answer("verify", "L") == good
+    assert answer("verify", "L", "--expected-head", last["head"]) == good
+
+    assert answer("export", "L", "-o", "L.jsonl") == {"file": "L.jsonl", "blocks": 6}
+    lines = [json.loads(line) for line in Path("L.jsonl").read_text().splitlines()]
+    assert [line["height"] for line in lines] == list(range(6))
+    assert lines[-1]["hash"] == last["head"]
+    assert lines[-1]["newest"] == {
+        robot: row["id"] if row else None for robot, row in shown["robots"].items()
+    }
+    assert [line["records"][0]["kind"] for line in lines] == [
+        "genesis", *["transaction"] * 3, "enrolment", "transaction"
+    ]  # fmt: skip
+    stored = b"".join(p.read_bytes() for p in Path("L").rglob("*") if p.is_file())
+    stored += Path("L.jsonl").read_bytes()
+    for path in keys.iterdir():
+        secret = path.read_bytes().splitlines()[1]
+        assert secret not in stored
+    assert b"PRIVATE" not in stored
+
+
+def test_text_for_people() -> None:
+    assert "keep them safe" in text("init", "L", "--member", "R1", "--member", "R2")
+    assert "transaction 0 of R1 in block 1" in text("append", "L", "R1", "payload")
+    assert "enrolled R3" in text("enroll", "L", "R3")
+    shown = text("show", "L").splitlines()
+    assert shown[1].startswith("head     block 2, ")
+    assert shown[3].startswith("R1       transaction 0, start, ")
+    assert shown[4] == "R2       nothing yet"
+    assert text("verify", "L") == "L: all 3 blocks are good\n"
+    assert text("export", "L", "-o", "out") == "wrote 3 blocks to out\n"
+
+
+def test_verify_names_the_block_and_fails() -> None:
+    text("init", "L", "--member", "R1")
+    text("append", "L", "R1", "payload")
+    next(path for path in Path("L/blobs").rglob("*") if path.is_file()).write_bytes(b"Bytes")
+    with pytest.raises(errors.DamagedError, match="block 1: the payload"):
+        text("verify", "L")
+    result = CliRunner().invoke(app, ["verify", "L", "--json"])
+    assert result.exit_code == 1
+    found = json.loads(result.stdout)
+    assert (found["ok"], found["blocks"], found["first_bad_block"]) == (False, 1, 1)
+    assert "payload" in found["reason"]
+
+
+def test_keys_where_they_are_asked_for() -> None:
+    text("init", "L", "--member", "R1", "--keys", "keys")
+    assert Path("keys/R1.pem").is_file()
+    assert not Path("config").exists()
+    text("append", "L", "R1", "payload", "--keys", "keys")
+    with pytest.raises(errors.KeyFileError, match="No such file"):
+        text("append", "L", "R1", "payload")
+
+
+def test_one_robot_cannot_write_with_anothers_key() -> None:
+    text("init", "L", "--member", "R1", "--member", "R2", "--keys", "keys")
+    Path("keys/R2.pem").replace("keys/R1.pem")
+    with pytest.raises(errors.SignatureError):
+        text("append", "L", "R1", "payload", "--keys", "keys")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "kind"),
+    [
+        (["init", "L"], errors.LedgerExistsError),
+        (["init", "payload"], errors.LedgerExistsError),
+        (["init", "."], errors.KeyFileError),  # the keys' usual folder lies below
+        (["init", "new", "--member", "a b"], errors.RecordError),
+        (["init", "new", "--member", "operator"], errors.RecordError),
+        (["init", "new", "--member", "R1", "--member", "R1"], errors.DuplicateMemberError),
+        (["init", "new", "--keys", "new/keys"], errors.KeyFileError),
+        (["init", "new", "--keys", "L/keys"], errors.KeyFileError),
+        (["init", "new", "--keys", "payload"], errors.KeyFileError),
+        (["enroll", "L", "R1"], errors.DuplicateMemberError),
+        (["enroll", "L", "../R1"], errors.RecordError),
+        (["enroll", "L", "R2", "--keys", "nowhere"], errors.KeyFileError),
+        (["append", "L", "R2", "payload"], errors.UnknownMemberError),
+        (["append", "L", "R1", "missing"], errors.PayloadFileError),
+        (["append", "L", "R1", "L"], errors.PayloadFileError),
+        (["append", "L", "R1", "payload", "--reason", "why"], errors.RecordError),
+        (["show", "missing"], errors.NotALedgerError),
+        (["verify", "."], errors.NotALedgerError),
+        (["verify", "L", "--expected-head", "xy"], errors.RecordError),
+        (["verify", "L", "--expected-head", "00" * 32], errors.DamagedError),
+        (["export", "L", "-o", "L/out"], errors.RecordError),
+        (["export", "L", "-o", "config"], OutputError),
+        (["export", "missing", "-o", "out"], errors.NotALedgerError),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, list) else "",
+)
+def test_bad_input_is_one_line_and_changes_nothing(
+    home: Path, arguments: list[str], kind: type[Exception]
+) -> None:
+    text("init", "L", "--member", "R1")
+    before = everything(home)
+    with pytest.raises(kind) as raised:
+        text(*arguments)
+    assert "\n" not in str(raised.value)
+    assert everything(home) == before
+    with Ledger.open("L") as ledger:
+        assert ledger.head.height == 0

@@ -1,0 +1,284 @@
+"""Whatever is changed in a stored ledger, verify fails and names the block."""
+
+import os
+import shutil
+import sqlite3
+from collections.abc import Callable, Iterator
+from contextlib import closing
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC, new_ledger, small_ledger
+
+from vrchain.ledger import Ledger, Transaction, Verification, errors, verify
+from vrchain.ledger.block import Entry
+from vrchain.ledger.database import insert_entry, read_entry
+from vrchain.ledger.keys import DATABASE_NAME
+
+HEIGHT_OF_LAST = 5
+
+
+@pytest.fixture(scope="module")
+def pristine(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("pristine") / "ledger"
+    small_ledger(folder)
+    return folder
+
+
+@pytest.fixture
+def folder(pristine: Path, tmp_path: Path) -> Path:
+    """A good ledger to spoil."""
+    return shutil.copytree(pristine, tmp_path / "ledger")
+
+
+def database(folder: Path) -> sqlite3.Connection:
+    db = sqlite3.connect(folder / DATABASE_NAME, isolation_level=None)
+    db.execute("PRAGMA synchronous = OFF")
+    return db
+
+
+def run(folder: Path, sql: str) -> None:
+    with closing(database(folder)) as db:
+        db.executescript(sql)
+
+
+def blobs(folder: Path) -> list[Path]:
+    """The payloads' files in the order in which they were published."""
+    with Ledger.open(folder) as ledger:
+        records = [ledger.entry(height).records[0] for height in (1, 2, 4, 5)]
+    names = [r.payload_digest.hex() for r in records if isinstance(r, Transaction)]
+    return [folder / "blobs" / name[:2] / name[2:] for name in names]
+
+
+def test_a_good_ledger_passes(folder: Path) -> None:
+    assert verify(folder) == Verification(True, 6, None, "")
+    with Ledger.open(folder) as ledger:
+        for block in ledger.blocks():
+            assert verify(folder, expected_head=block.hash).ok
+    steps: list[tuple[int, int]] = []
+    verify(folder, progress=lambda done, total: steps.append((done, total)))
+    assert steps == [(n, 6) for n in range(1, 7)]
+
+
+def cells(db: sqlite3.Connection) -> Iterator[tuple[str, int, str, int, bytes]]:
+    """Every stored blob of bytes: (table, rowid, column, height, bytes)."""
+    for table, columns in {"blocks": ("hash", "record"), "records": ("id", "record")}.items():
+        for column in columns:
+            for row in db.execute(f"SELECT rowid, height, {column} FROM {table}").fetchall():
+                yield table, row[0], column, row[1], row[2]
+
+
+def test_every_byte_of_every_record(tmp_path: Path) -> None:
+    """One bit of each byte in turn, over a genesis, an enrolment and a transaction."""
+    folder = tmp_path / "ledger"
+    with Ledger.create(folder, {"R1": PUBLIC["R1"]}, OPERATOR_KEY) as ledger:
+        ledger.enrol("R2", PUBLIC["R2"], OPERATOR_KEY, 5)
+        ledger.publish("R1", KEYS["R1"], b"payload", "start", 10)
+    tried = 0
+    with closing(database(folder)) as db:
+        for table, row, column, height, good in list(cells(db)):
+            update = f"UPDATE {table} SET {column} = ? WHERE rowid = ?"
+            for position in range(len(good)):
+                bad = bytearray(good)
+                bad[position] ^= 1 << position % 8
+                db.execute(update, (bytes(bad), row))
+                found = verify(folder)
+                assert not found.ok
+                assert found.first_bad_block == height, (table, column, position)
+                tried += 1
+            db.execute(update, (good, row))
+    assert tried > 1500
+    assert verify(folder).ok
+
+
+def test_every_other_column(folder: Path) -> None:
+    with closing(database(folder)) as db:
+        places = [
+            (table, column, row, height)
+            for table, columns in {
+                "blocks": ["height"],
+                "records": ["height", "position", "robot", "sequence"],
+            }.items()
+            for column in columns
+            for row, height in db.execute(f"SELECT rowid, height FROM {table}").fetchall()
+        ]
+    assert len(places) == 6 + 4 * 6
+    for number, (table, column, row, height) in enumerate(places):
+        copy = shutil.copytree(folder, folder.with_name(f"copy {number}"))
+        value = f"coalesce({column}, 0) + 1000"
+        run(copy, f"UPDATE {table} SET {column} = {value} WHERE rowid = {row}")
+        assert verify(copy).first_bad_block == height, (table, column, row)
+
+
+def test_every_byte_of_every_payload(folder: Path) -> None:
+    for path, height in zip(blobs(folder), (1, 2, 4, 5), strict=True):
+        good = path.read_bytes()
+        for position in range(len(good)):
+            bad = bytearray(good)
+            bad[position] ^= 1 << position % 8
+            path.write_bytes(bad)
+            found = verify(folder)
+            assert (found.ok, found.first_bad_block) == (False, height)
+        path.write_bytes(good)
+    assert verify(folder).ok
+
+
+@pytest.mark.parametrize(
+    ("change", "height"),
+    [
+        (lambda path: path.unlink(), 4),
+        (lambda path: path.write_bytes(path.read_bytes()[:-1]), 4),
+        (lambda path: path.write_bytes(path.read_bytes() + b"\0"), 4),
+        (lambda path: path.write_bytes(b""), 4),
+        (lambda path: (path.unlink(), path.mkdir()), 4),
+        (lambda path: shutil.rmtree(path.parents[1]), 1),
+    ],
+    ids=["removed", "truncated", "longer", "empty", "a folder", "all removed"],
+)
+def test_a_payload_that_is_not_there_whole(
+    folder: Path, change: Callable[[Path], object], height: int
+) -> None:
+    change(blobs(folder)[2])
+    found = verify(folder)
+    assert (found.ok, found.blocks, found.first_bad_block) == (False, height, height)
+
+
+SWAP = """
+UPDATE records SET height = 99 WHERE height = 1;
+UPDATE records SET height = 1 WHERE height = 2;
+UPDATE records SET height = 2 WHERE height = 99;
+"""
+SWAP_BLOCKS = SWAP.replace("records", "blocks")
+COPY = "INSERT INTO records SELECT zeroblob(32), 6, 0, NULL, NULL, record FROM records LIMIT 1;"
+
+
+@pytest.mark.parametrize(
+    ("sql", "height"),
+    [
+        (SWAP, 1),
+        (SWAP_BLOCKS, 1),
+        (SWAP + SWAP_BLOCKS, 1),
+        ("DELETE FROM records WHERE height = 2", 2),
+        ("DELETE FROM blocks WHERE height = 2", 2),
+        ("DELETE FROM blocks WHERE height = 2; DELETE FROM records WHERE height = 2", 2),
+        ("DELETE FROM blocks WHERE height = 0", 0),
+        ("DELETE FROM blocks", 0),
+        ("DELETE FROM records", 0),
+        ("INSERT INTO blocks SELECT 6, hash, record FROM blocks WHERE height = 5", 6),
+        (COPY.replace("6, 0", "3, 1"), 3),
+        (COPY, None),
+        ("INSERT INTO blocks SELECT -1, hash, record FROM blocks WHERE height = 5", None),
+        ("UPDATE blocks SET record = 'text' WHERE height = 3", 3),
+        ("UPDATE blocks SET record = 7 WHERE height = 3", 3),
+        ("UPDATE blocks SET record = zeroblob(2000000) WHERE height = 3", 3),
+        ("UPDATE records SET record = 'text' WHERE height = 3", 3),
+        ("UPDATE records SET record = CAST(x'ff' AS TEXT) WHERE height = 3", 3),
+        ("DROP TABLE records", 0),
+        ("DROP TABLE blocks", 0),
+        ("PRAGMA user_version = 2", 0),
+        ("PRAGMA application_id = 0", 0),
+    ],
+)
+def test_rows_swapped_dropped_doubled_or_spoilt(folder: Path, sql: str, height: int | None) -> None:
+    run(folder, sql)
+    found = verify(folder)
+    assert not found.ok
+    assert found.first_bad_block == height
+    assert found.reason
+
+
+def test_a_tail_cut_off_is_found_under_a_known_head(folder: Path) -> None:
+    with Ledger.open(folder) as ledger:
+        head = ledger.head.hash
+    run(folder, "DELETE FROM blocks WHERE height = 5; DELETE FROM records WHERE height = 5")
+    assert verify(folder) == Verification(True, 5, None, "")
+    found = verify(folder, expected_head=head)
+    assert (found.ok, found.blocks, found.first_bad_block) == (False, 5, 5)
+    assert "cut off" in found.reason
+
+
+def test_records_signed_again_by_another_member(folder: Path) -> None:
+    """R2 takes R1's last transaction, and R1's last block, for its own; rows all consistent."""
+    for forge in ("transaction", "block", "both"):
+        copy = folder.with_name(forge)
+        shutil.copytree(folder, copy)
+        with closing(database(copy)) as db:
+            block, (transaction,) = read_entry(db, HEIGHT_OF_LAST)
+            if forge != "block":
+                transaction = replace(transaction, signature=b"").signed(KEYS["R2"])
+            newest = dict(block.newest) | {"R1": transaction.id}
+            block = replace(block, records=(transaction.id,), newest=tuple(sorted(newest.items())))
+            key = KEYS["R1"] if forge == "transaction" else KEYS["R2"]
+            db.execute("DELETE FROM blocks WHERE height = 5")
+            db.execute("DELETE FROM records WHERE height = 5")
+            insert_entry(db, Entry(block.signed(key), (transaction,)))
+        found = verify(copy)
+        assert (found.ok, found.first_bad_block) == (False, HEIGHT_OF_LAST), forge
+        assert "valid signature" in found.reason
+
+
+def test_a_rewritten_history_is_found_under_a_known_head(tmp_path: Path) -> None:
+    """All keys in hand one can write another history; only the known head tells."""
+    head = small_ledger(tmp_path / "ledger")
+    with new_ledger(tmp_path / "other") as other:
+        other.publish("R1", KEYS["R1"], b"another first", "start", 10)
+    assert verify(tmp_path / "other").ok
+    assert not verify(tmp_path / "other", expected_head=head).ok
+
+
+@pytest.mark.parametrize("kind", ["garbage", "empty", "half", "header only", "a folder"])
+def test_a_spoilt_database_file_is_no_traceback(folder: Path, kind: str) -> None:
+    path = folder / DATABASE_NAME
+    good = path.read_bytes()
+    for leftover in folder.glob(f"{DATABASE_NAME}-*"):
+        leftover.unlink()
+    if kind == "a folder":
+        path.unlink()
+        path.mkdir()
+        with pytest.raises(errors.NotALedgerError):
+            verify(folder)
+        return
+    spoilt = {
+        "garbage": b"\xa5" * len(good),
+        "empty": b"",
+        "half": good[: len(good) // 2],
+        "header only": good[:100] + b"\xa5" * (len(good) - 100),
+    }
+    path.write_bytes(spoilt[kind])
+    found = verify(folder)
+    assert not found.ok
+    assert found.reason
+    with pytest.raises(errors.StorageError):
+        Ledger.open(folder)
+
+
+@pytest.mark.parametrize("step", [61, pytest.param(1, marks=pytest.mark.slow)])
+def test_bytes_of_the_database_file(folder: Path, step: int) -> None:
+    """Wherever a byte changes, there is a verdict; a good one means that every block is as was."""
+    run(folder, "PRAGMA wal_checkpoint(TRUNCATE)")
+    path = folder / DATABASE_NAME
+    good = path.read_bytes()
+    with Ledger.open(folder) as ledger:
+        entries = list(ledger.entries())
+    found_bad = 0
+    for position in range(0, len(good), step):
+        for leftover in folder.glob(f"{DATABASE_NAME}-*"):
+            leftover.unlink()
+        bad = bytearray(good)
+        bad[position] ^= 0xFF
+        path.write_bytes(bad)
+        if verify(folder).ok:
+            with Ledger.open(folder) as ledger:
+                assert list(ledger.entries()) == entries
+        else:
+            found_bad += 1
+    assert found_bad > 10
+
+
+def test_what_is_no_ledger_is_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(errors.NotALedgerError, match="expected a ledger"):
+        verify(tmp_path)
+    with pytest.raises(errors.NotALedgerError):
+        verify(tmp_path / "missing")
+    assert os.listdir(tmp_path) == []

@@ -1,0 +1,200 @@
+"""Imports run one way, down the levels of docs/architecture.md; special libraries have one home."""
+
+import ast
+from collections.abc import Iterator
+from graphlib import TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+import vrchain
+
+PACKAGE = Path(vrchain.__file__).parent
+ANYWHERE = "vrchain"  # the package itself: its version
+
+LEVELS = {
+    "errors": 0,
+    "geometry": 0,
+    "seeding": 0,
+    "paths": 0,
+    "files": 0,
+    "scene": 1,
+    "panorama": 1,
+    "ledger": 1,
+    "render": 2,
+    "truth": 2,
+    "landmarks": 3,
+    "homing": 4,
+    "robot": 4,
+    "simulator": 4,
+    "navigation": 5,
+    "experiments": 6,
+    "plots": 6,
+    "viewer": 7,
+    "cli": 7,
+}
+
+# Narrower than the levels: what these may know of the rest of the package.
+ONLY = {
+    "ledger": {"errors", "seeding", "paths", "files"},  # a payload is bytes and their digest
+    "panorama": {"errors", "geometry", "seeding", "files"},
+    "homing": {"errors", "geometry", "seeding", "panorama", "landmarks"},
+    "robot": {"errors", "geometry", "seeding", "panorama", "ledger", "landmarks", "homing"},
+}
+
+# Ground truth never leaks into what a robot decides from.
+MAY_IMPORT = {
+    "truth": ("simulator", "landmarks.training", "landmarks.quality", "experiments"),
+}
+
+# The only homes of libraries that are heavy, fragile or easily scattered.
+HOMES = {
+    "pyrender": ("render",),
+    "OpenGL": ("render",),
+    "open3d": ("truth",),
+    "torch": ("landmarks",),
+}
+
+
+def name_of(path: Path, package: Path) -> str:
+    """The dotted name below the package: ``scene.model`` (``scene/__init__.py`` is ``scene``)."""
+    parts = path.relative_to(package).with_suffix("").parts
+    return ".".join(part for part in parts if part != "__init__")
+
+
+def within(name: str, homes: tuple[str, ...]) -> bool:
+    return any(name == home or name.startswith(home + ".") for home in homes)
+
+
+def imports(path: Path, package: Path) -> Iterator[str]:
+    """Every module that a file imports, wherever in the file, with absolute names.
+
+    ``from a import b`` gives ``a.b``: whether b is a module or not, its first parts are a's.
+    """
+    parents = path.relative_to(package.parent).parent.parts
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            base = parents[: len(parents) - node.level + 1] if node.level else ()
+            base += tuple((node.module or "").split(".")) if node.module else ()
+            yield from (".".join((*base, alias.name)) for alias in node.names)
+
+
+def unit(name: str) -> str:
+    """What the levels speak of: the first part below the package."""
+    return name.partition(".")[0]
+
+
+def own_imports(path: Path, package: Path) -> Iterator[str]:
+    """Names below the package that a file imports; ``ANYWHERE`` for the package itself."""
+    for name in imports(path, package):
+        first, _, rest = name.partition(".")
+        if first == package.name:
+            known = (package / unit(rest)).is_dir() or (package / f"{unit(rest)}.py").is_file()
+            yield rest if known else ANYWHERE
+
+
+def violations(package: Path) -> list[str]:
+    """One line for each import, use or module that breaks the architecture."""
+    found: list[str] = []
+    graph: dict[str, set[str]] = {}
+    for path in sorted(package.rglob("*.py")):
+        name = name_of(path, package)
+        here = unit(name) or ANYWHERE
+        if here not in LEVELS and name not in ("", "__main__"):
+            found.append(f"{name}: has no level")
+            continue
+        level = LEVELS.get(here, -1 if name == "" else max(LEVELS.values()))
+        for imported in own_imports(path, package):
+            there = unit(imported)
+            if there in (here, ANYWHERE):
+                continue
+            graph.setdefault(here, set()).add(there)
+            if LEVELS.get(there, level + 1) > level:
+                found.append(f"{name or ANYWHERE} imports {imported}: upwards")
+            if here in ONLY and there not in ONLY[here]:
+                found.append(f"{name} imports {imported}: not its business")
+            if there in MAY_IMPORT and not within(name, MAY_IMPORT[there]):
+                found.append(f"{name} imports {imported}: ground truth leaks")
+        for imported in imports(path, package):
+            library = unit(imported)
+            if library in HOMES and not within(name, HOMES[library]):
+                found.append(f"{name} imports {imported}: only {HOMES[library]} may")
+        if not within(name, ("landmarks",)):
+            tree = ast.parse(path.read_text(encoding="utf-8"))
+            used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+            used |= {imported.rpartition(".")[2] for imported in imports(path, package)}
+            found += [f"{name} uses {word}: only landmarks may" for word in used if "SIFT" in word]
+    try:
+        tuple(TopologicalSorter(graph).static_order())
+    except ValueError as error:
+        found.append(f"modules import each other: {error.args[1]}")
+    return found
+
+
+def test_imports_run_down_the_levels() -> None:
+    assert violations(PACKAGE) == []
+
+
+@pytest.mark.parametrize(
+    ("module", "source", "complaint"),
+    [
+        ("geometry", "from vrchain.scene.model import Scene", "upwards"),
+        ("geometry", "def f():\n    from vrchain import cli", "upwards"),
+        ("scene.spec", "from ..render import Renderer", "upwards"),
+        ("scene.spec", "from .. import render", "upwards"),
+        ("", "import vrchain.cli", "upwards"),
+        ("ledger.chain", "import vrchain.panorama", "not its business"),
+        ("robot", "from vrchain.scene.model import Scene", "not its business"),
+        ("robot", "from vrchain.simulator import Simulator", "not its business"),
+        ("navigation", "from vrchain.truth import GroundTruth", "ground truth leaks"),
+        ("landmarks.sift", "from vrchain.truth import GroundTruth", "ground truth leaks"),
+        ("scene.model", "import open3d.core as o3c", "only ('truth',) may"),
+        ("viewer", "def f():\n    import pyrender", "only ('render',) may"),
+        ("truth", "from OpenGL import GL", "only ('render',) may"),
+        ("homing", "import torch", "only ('landmarks',) may"),
+        ("homing", "import cv2\ncv2.SIFT_create()", "only landmarks may"),
+        ("homing", "from cv2 import SIFT_create", "only landmarks may"),
+        ("oddments", "", "has no level"),
+    ],
+)
+def test_a_breach_is_named(module: str, source: str, complaint: str, tmp_path: Path) -> None:
+    package = small_package(tmp_path, {module: source})
+    assert [line for line in violations(package) if complaint in line]
+
+
+def test_a_circle_within_a_level_is_named(tmp_path: Path) -> None:
+    sources = {
+        "errors": "import vrchain.paths",
+        "paths": "import vrchain.geometry",
+        "geometry": "from vrchain import errors",
+    }
+    assert "import each other" in violations(small_package(tmp_path, sources))[0]
+
+
+def test_what_is_allowed_passes(tmp_path: Path) -> None:
+    sources = {
+        "cli": "from vrchain import __version__, render\nfrom vrchain.errors import VRChainError",
+        "simulator": "from vrchain.truth import GroundTruth\nfrom .homing import step",
+        "landmarks.quality": "from ..truth import GroundTruth",
+        "landmarks.sift": "import cv2\ncv2.SIFT_create()",
+        "truth": "def f():\n    import open3d",
+        "render": "def f():\n    import pyrender\n    from OpenGL import GL",
+    }
+    assert violations(small_package(tmp_path, sources)) == []
+
+
+def small_package(folder: Path, sources: dict[str, str]) -> Path:
+    """A package of empty modules, one for each level's names, but for the given sources."""
+    package = folder / "vrchain"
+    for name in ("", *LEVELS):
+        (package / name).mkdir(parents=True)
+        (package / name / "__init__.py").touch()
+    for name, source in sources.items():
+        if name in ("", *LEVELS):
+            target = package / name / "__init__.py"
+        else:
+            target = package / f"{name.replace('.', '/')}.py"
+        target.write_text(source)
+    return package

@@ -1,0 +1,68 @@
+"""Importing is cheap and has no effects: heavy libraries load where they are used."""
+
+import json
+import pkgutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import vrchain
+
+HEAVY = {"torch", "open3d", "pyrender", "OpenGL", "matplotlib", "matplotlib.pyplot", "ipywidgets"}
+
+
+def in_fresh_process(code: str, folder: Path) -> Any:
+    """The JSON that ``code`` prints, run by a new interpreter in an empty folder."""
+    root = Path(vrchain.__file__).parent.parent
+    code = f"import json, sys, time\nsys.path.insert(0, {str(root)!r})\n{code}"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=folder, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stderr == ""
+    return json.loads(done.stdout)
+
+
+def modules() -> list[str]:
+    names = (m.name for m in pkgutil.walk_packages(vrchain.__path__, "vrchain."))
+    return sorted(name for name in names if not name.endswith("__main__"))
+
+
+def test_import_takes_under_half_a_second(tmp_path: Path) -> None:
+    code = "start = time.perf_counter(); import vrchain\nprint(time.perf_counter() - start)"
+    assert in_fresh_process(code, tmp_path) < 0.5
+
+
+def test_import_of_the_package_loads_no_library(tmp_path: Path) -> None:
+    code = (
+        "before = set(sys.modules); import vrchain\n"
+        "new = {m.split('.')[0] for m in set(sys.modules) - before}\n"
+        "print(json.dumps(sorted(new - sys.stdlib_module_names)))"
+    )
+    assert in_fresh_process(code, tmp_path) == ["vrchain"]
+
+
+def loaded_by(modules: list[str], folder: Path) -> dict[str, list[str]]:
+    """Which heavy libraries each module was the first to load, all in one process."""
+    code = (
+        "import importlib\nfound = {}\n"
+        f"for module in {modules!r}:\n"
+        f"    before = {HEAVY!r} & set(sys.modules)\n"
+        "    importlib.import_module(module)\n"
+        f"    found[module] = sorted({HEAVY!r} & set(sys.modules) - before)\n"
+        "print(json.dumps({module: new for module, new in found.items() if new}))"
+    )
+    return in_fresh_process(code, folder)
+
+
+def test_no_module_loads_a_heavy_library_or_leaves_a_file(tmp_path: Path) -> None:
+    others = [name for name in modules() if not name.startswith("vrchain.plots")]
+    assert loaded_by(others, tmp_path) == {}
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_plots_load_matplotlib_but_not_its_global_state(tmp_path: Path) -> None:
+    plots = [name for name in modules() if name.startswith("vrchain.plots")]
+    loaded = loaded_by(plots, tmp_path).values()
+    assert {library for new in loaded for library in new} <= {"matplotlib"}

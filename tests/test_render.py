@@ -1,0 +1,180 @@
+import threading
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import worlds
+
+from vrchain.errors import RenderError
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.render import Renderer
+from vrchain.scene.model import Scene
+from vrchain.truth import GroundTruth
+
+QUARTERS = np.zeros((16, 16, 3), dtype=np.uint8)  # top left, top right, bottom left, bottom right
+QUARTERS[:8, :8], QUARTERS[:8, 8:] = worlds.RED, worlds.GREEN
+QUARTERS[8:, :8], QUARTERS[8:, 8:] = worlds.BLUE, worlds.YELLOW
+
+
+def mask_of(image: np.ndarray, rgb: tuple[int, int, int]) -> np.ndarray:
+    return np.abs(image.astype(int) - rgb).max(axis=-1) < 40
+
+
+@pytest.mark.parametrize("pose", [Pose(0, 0), Pose(1.5, -2, 2.0), Pose(-3, 1, -1.2)])
+def test_a_box_appears_at_its_bearing(pose: Pose) -> None:
+    rig = CameraRig(n_views=6, width_px=320, height_px=240, field_of_view_deg=75)
+    red = worlds.box("red", (5.0, 5.0), (1.0, 2.0, 2.0), worlds.plain(worlds.RED), yaw_rad=0.3)
+    cylinder = Renderer(worlds.world(red)).render(pose, rig).cylinder
+    corners = red.surfaces[-1].vertices_m[:, :2]  # of the top
+    bearings = [pose.bearing_to_rad(corner) for corner in corners]
+    left, right = rig.column_of_bearing(max(bearings)), rig.column_of_bearing(min(bearings))
+    above = cylinder[: len(cylinder) // 2].astype(int)  # before the sky: red less blue is -64
+    columns = np.flatnonzero((above[..., 0] - above[..., 2]).max(axis=0) > (190 - 64) / 2)
+    assert columns[0] == pytest.approx(left, abs=1)
+    assert columns[-1] == pytest.approx(right, abs=1)
+
+
+def test_left_is_left_and_up_is_up() -> None:
+    boxes = [
+        worlds.box("left", (5, 5), (1, 1, 2), worlds.plain(worlds.RED)),
+        worlds.box("right", (5, -5), (1, 1, 2), worlds.plain(worlds.BLUE)),
+        worlds.box("raised", (7, 0), (1, 1, 1), worlds.plain(worlds.YELLOW), base_m=2.0),
+    ]
+    cylinder = Renderer(worlds.world(*boxes)).render(Pose(0, 0), worlds.SMALL_RIG).cylinder
+    rows, columns = cylinder.shape[:2]
+    assert np.argwhere(mask_of(cylinder, worlds.RED))[:, 1].max() < columns / 2
+    assert np.argwhere(mask_of(cylinder, worlds.BLUE))[:, 1].min() > columns / 2
+    assert np.argwhere(mask_of(cylinder, worlds.YELLOW))[:, 0].max() < rows / 2
+    assert (cylinder[0, 0] == (168, 200, 232)).all()  # the sky's colour
+    assert mask_of(cylinder[-1:], (90, 120, 70)).all()  # the ground's
+
+
+@pytest.mark.parametrize("side", range(4))
+def test_textures_are_upright_and_not_mirrored(side: int) -> None:
+    angle = side * np.pi / 2 + 0.2
+    scene = worlds.world(worlds.box("sign", (0, 0), (2, 2, 2), QUARTERS, yaw_rad=0.2))
+    pose = Pose(4 * np.cos(angle), 4 * np.sin(angle), angle + np.pi)
+    ahead = Renderer(scene).render(pose, worlds.SMALL_RIG).views[0]
+    height, width = ahead.shape[:2]
+    places = {
+        worlds.RED: (-1, -1),
+        worlds.GREEN: (-1, 1),
+        worlds.BLUE: (1, -1),
+        worlds.YELLOW: (1, 1),
+    }
+    for rgb, (down, right) in places.items():
+        y, x = ahead.shape[0] // 2 + down * height // 8, width // 2 + right * width // 12
+        assert mask_of(ahead[y, x], rgb), f"expected {rgb} at {(y, x)}, got {ahead[y, x]}"
+
+
+def test_shade_darkens_the_texture() -> None:
+    box = worlds.box("box", (4, 0), (2, 2, 2), worlds.plain((200, 100, 50)))
+    for surface in box.surfaces:
+        surface.shade[:] = 0.5
+    ahead = Renderer(worlds.world(box)).render(Pose(0, 0), worlds.SMALL_RIG).views[0]
+    assert np.abs(ahead[60, 80].astype(int) - (100, 50, 25)).max() <= 2
+
+
+def test_neighbouring_views_agree_where_they_overlap() -> None:
+    rig = CameraRig(n_views=8, width_px=320, height_px=240)
+    panorama = Renderer(worlds.yard()).render(Pose(0.3, 0.2, 0.7), rig)
+    slope = rig.slope_of_row(np.arange(20, rig.cylinder_shape[0] - 20))[:, None]
+    for view in range(rig.n_views):
+        following = (view + 1) % rig.n_views
+        seam_rad = wrap_angle_rad(rig.azimuths_rad[view] + np.pi / rig.n_views)
+        bearing = seam_rad + np.radians(np.linspace(-5, 5, 60))[None, :]
+        pictures = []
+        for v in (view, following):
+            x_px, y_px = np.broadcast_arrays(*rig.project(v, bearing, slope))
+            maps = np.float32(x_px), np.float32(y_px)
+            picture = cv2.remap(panorama.views[v], *maps, cv2.INTER_LINEAR)
+            pictures.append(cv2.GaussianBlur(picture, (5, 5), 0).astype(float))
+        difference = np.abs(pictures[0] - pictures[1]).max(axis=-1)
+        assert np.quantile(difference, 0.95) < 12
+        contrast = np.abs(pictures[0] - np.roll(pictures[1], 6, axis=1)).max(axis=-1)
+        assert difference.mean() < 0.35 * contrast.mean() or contrast.mean() < 3
+
+
+def test_the_joined_cylinder_has_no_seam() -> None:
+    """Neighbouring columns differ no more at the seams, and over the edge, than elsewhere."""
+    rig = CameraRig(n_views=8, width_px=320, height_px=240)
+    cylinder = Renderer(worlds.yard()).render(Pose(0.3, 0.2, 0.7), rig).cylinder.astype(float)
+    step = np.abs(cylinder - np.roll(cylinder, 1, axis=1)).mean(axis=(0, 2))
+    owner = rig.view_of_bearing(rig.bearing_of_column(np.arange(cylinder.shape[1])))
+    seams = np.flatnonzero(owner != np.roll(owner, 1))
+    assert len(seams) == 8
+    assert step[[0, *seams]].max() <= np.quantile(step, 0.995)
+
+
+def test_drawing_twice_gives_the_same_bytes() -> None:
+    renderer = Renderer(worlds.yard())
+    first = renderer.render(Pose(0, 0), worlds.SMALL_RIG)
+    renderer.segmentation(Pose(2, 1), CameraRig(1, 64, 48))
+    other = Renderer(worlds.maze()).render(Pose(0, 0), CameraRig(1, 128, 48))
+    again = renderer.render(Pose(0, 0), worlds.SMALL_RIG)
+    assert other.views.shape == (1, 48, 128, 3)
+    assert np.array_equal(first.views, again.views)
+
+
+def test_two_processes_draw_the_same_bytes_and_end_quietly() -> None:
+    code = """
+import hashlib, json, worlds
+from vrchain.geometry import Pose
+from vrchain.render import Renderer
+from vrchain.truth import GroundTruth
+pose, rig, yard = Pose(0.5, -0.3, 1.1), worlds.SMALL_RIG, worlds.yard()
+renderer = Renderer(yard)
+arrays = [renderer.render(pose, rig).views, renderer.segmentation(pose, rig)]
+arrays += GroundTruth(yard).look(pose, rig)
+print(json.dumps([hashlib.sha256(a.tobytes()).hexdigest() for a in arrays]))
+"""
+    first, second = worlds.in_two_processes(code)
+    assert first == second
+
+
+def test_another_thread_is_refused() -> None:
+    renderer = Renderer(worlds.yard())
+    caught = []
+
+    def draw() -> None:
+        try:
+            renderer.render(Pose(0, 0), worlds.SMALL_RIG)
+        except RenderError as error:
+            caught.append(str(error))
+
+    thread = threading.Thread(target=draw)
+    thread.start()
+    thread.join()
+    assert len(caught) == 1
+    assert "thread" in caught[0]
+
+
+def test_a_scene_of_nothing_is_all_sky() -> None:
+    renderer = Renderer(Scene("void", (10.0, 10.0), ()))
+    panorama = renderer.render(Pose(0, 0), worlds.SMALL_RIG)
+    assert isinstance(panorama, Panorama)
+    assert (panorama.views == (168, 200, 232)).all()
+    assert (renderer.segmentation(Pose(0, 0), worlds.SMALL_RIG) == -1).all()
+
+
+def agreement(scene: Scene, poses: list[Pose], rig: CameraRig) -> list[float]:
+    renderer, truth = Renderer(scene), GroundTruth(scene)
+    return [
+        float((renderer.segmentation(pose, rig) == truth.look(pose, rig)[0]).mean())
+        for pose in poses
+    ]
+
+
+def test_drawn_objects_are_those_that_rays_hit() -> None:
+    poses = [Pose(0, 0), Pose(2, -1, 0.4), Pose(-1, 3, 3.0)]
+    assert min(agreement(worlds.yard(), poses, CameraRig(8, 320, 240))) >= 0.995
+
+
+def test_drawn_objects_are_those_that_rays_hit_in_the_suburb() -> None:
+    from vrchain.scene import load_scene
+
+    scene = load_scene(Path(worlds.ROOT / "scenes" / "suburb.yaml"))
+    poses = [Pose(10, 0), Pose(0, 0, 1.0)]
+    assert min(agreement(scene, poses, CameraRig())) >= 0.995

@@ -1,0 +1,238 @@
+import numpy as np
+import pytest
+import worlds
+
+from vrchain.errors import MissionError, PoseError
+from vrchain.geometry import Pose
+from vrchain.robot import MAX_TURN_RAD_S, Drive, Wander, wander
+from vrchain.scene.model import ROBOT_RADIUS_M, place
+from vrchain.seeding import generator
+from vrchain.simulator import SensorNoise, Simulator
+
+EXACT = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0)
+GREY = worlds.plain((120, 120, 120))
+EMPTY = worlds.world(extent_m=(100.0, 100.0))
+
+
+@pytest.mark.parametrize("speed_m_s", [0.05, 0.7, 1000.0])
+@pytest.mark.parametrize("duration_s", [0.05, 1.0, 240.0])
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.9])
+def test_a_wall_is_never_passed(speed_m_s: float, duration_s: float, yaw_rad: float) -> None:
+    simulator = Simulator(worlds.walled(), {"R1": Pose(4.2, 0, yaw_rad)}, seed=0)
+    for _ in range(max(2, min(300, int(240 / duration_s)))):
+        simulator.step({"R1": Drive(speed_m_s)}, duration_s)
+    path = simulator.path_xy_m("R1")
+    assert simulator.scene.is_free(path).all()
+    gap_m = 5.0 - ROBOT_RADIUS_M - path[:, 0].max()
+    if duration_s * speed_m_s >= 0.05:  # it had the time to get there
+        assert 0 < gap_m < 0.02
+        assert simulator.collisions("R1") == 1
+
+
+def test_a_robot_cannot_back_through_a_wall_either() -> None:
+    simulator = Simulator(worlds.walled(), {"R1": Pose(3, 0, np.pi)}, seed=0)
+    simulator.step({"R1": Drive(-5.0, 0.01)}, 30.0)
+    assert simulator.pose("R1").x_m < 5.0 - ROBOT_RADIUS_M
+    assert simulator.observe("R1").bumped
+
+
+def test_a_thin_post_stops_a_robot() -> None:
+    post = worlds.box("post", (3, 0.2), (0.05, 0.05, 1.0), GREY)
+    simulator = Simulator(worlds.world(post), {"R1": Pose(0, 0)}, seed=0)
+    simulator.step({"R1": Drive(0.7)}, 20.0)
+    assert simulator.collisions("R1") == 1
+    assert 2.5 < simulator.pose("R1").x_m < 3.0
+
+
+def test_what_hangs_above_the_robot_does_not_stop_it() -> None:
+    roof = worlds.box("roof", (3, 0), (2, 2, 0.5), GREY, base_m=2.2)
+    simulator = Simulator(worlds.world(roof), {"R1": Pose(0, 0)}, seed=0)
+    simulator.step({"R1": Drive(0.7)}, 10.0)
+    assert simulator.pose("R1").x_m == pytest.approx(7.0)
+    assert simulator.collisions("R1") == 0
+
+
+def test_only_what_is_low_enough_stops_the_robot() -> None:
+    """A ramp that rises from 1 m at x = 0 to 5 m at x = 4 is in the way up to x = 0.6."""
+    corners = [(0.0, -1.0, 1.0), (0.0, 1.0, 1.0), (4.0, 1.0, 5.0), (4.0, -1.0, 5.0)]
+    surface = worlds.quad(corners, GREY)
+    ramp = place("ramp", "ramp", "ramp", [surface], Pose(0, 0), landmark=False)
+    simulator = Simulator(worlds.world(ramp), {"R1": Pose(3, 0, np.pi)}, seed=0)
+    assert simulator.true_ranges_m("R1")[0] == pytest.approx(2.4, abs=1e-4)
+    simulator.step({"R1": Drive(0.7)}, 10.0)
+    assert simulator.pose("R1").x_m == pytest.approx(0.6 + ROBOT_RADIUS_M, abs=0.02)
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 1.0, 2.5, -2.0])
+def test_the_edge_of_the_map_is_a_wall(yaw_rad: float) -> None:
+    simulator = Simulator(worlds.world(), {"R1": Pose(17, -15, yaw_rad)}, seed=0)
+    simulator.step({"R1": Drive(0.7)}, 90.0)
+    assert np.abs(simulator.path_xy_m("R1")).max() < 20 - ROBOT_RADIUS_M
+    assert simulator.collisions("R1") == 1
+
+
+def test_a_collision_is_counted_once_a_contact() -> None:
+    simulator = Simulator(worlds.walled(), {"R1": Pose(4.0, 0)}, seed=0)
+    assert not simulator.observe("R1").bumped
+    for _ in range(10):  # run into it, and go on pushing, a little askew
+        simulator.step({"R1": Drive(0.5, 0.05)}, 0.5)
+    assert simulator.collisions("R1") == 1
+    assert simulator.observe("R1").bumped
+    simulator.step({"R1": Drive(0.0, 0.5)}, 0.5)  # turning is no contact, nor does it end one
+    assert not simulator.observe("R1").bumped
+    simulator.step({"R1": Drive(0.2, -0.5)}, 0.5)
+    assert simulator.collisions("R1") == 1
+    simulator.step({"R1": Drive(-0.5)}, 1.0)  # away, and into it again
+    assert simulator.collisions("R1") == 1
+    simulator.step({"R1": Drive(0.5)}, 2.0)
+    assert simulator.collisions("R1") == 2
+
+
+@pytest.mark.parametrize("offset_m", [0.0, 0.5])
+def test_two_robots_never_overlap(offset_m: float) -> None:
+    poses = {"R1": Pose(0, 0), "R2": Pose(5, offset_m, np.pi), "R3": Pose(9, 9)}
+    simulator = Simulator(EMPTY, poses, seed=0)
+    for _ in range(20):
+        simulator.step({"R1": Drive(0.7), "R2": Drive(0.4)}, 1.0)
+        assert simulator.pose("R1").distance_to_m(simulator.pose("R2").xy_m) > 2 * ROBOT_RADIUS_M
+    assert simulator.collisions("R1") == simulator.collisions("R2") == 1
+    assert simulator.collisions("R3") == 0
+    assert simulator.pose("R3") == Pose(9, 9)
+
+
+def test_commands_beyond_the_limits_are_cut() -> None:
+    simulator = Simulator(EMPTY, {"R1": Pose(0, 0), "R2": Pose(5, 5)}, seed=0)
+    simulator.step({"R1": Drive(9.0, 0.0), "R2": Drive(0.0, -99.0)}, 0.5)
+    assert simulator.pose("R1").x_m == pytest.approx(0.35)
+    assert simulator.pose("R2").yaw_rad == pytest.approx(-MAX_TURN_RAD_S / 2)
+    assert np.degrees(MAX_TURN_RAD_S) == pytest.approx(140)
+
+
+def test_a_circle_ends_where_it_began() -> None:
+    simulator = Simulator(EMPTY, {"R1": Pose(1, 2, 0.3)}, seed=0, noise=EXACT)
+    for _ in range(100):
+        simulator.step({"R1": Drive(0.5, 0.25)}, 2 * np.pi / 0.25 / 100)
+    pose, path = simulator.pose("R1"), simulator.path_xy_m("R1")
+    assert pose.distance_to_m([1, 2]) < 1e-6
+    assert pose.yaw_rad == pytest.approx(0.3)
+    assert path.shape == (101, 2)
+    assert np.linalg.norm(path[50] - path[0]) == pytest.approx(4.0, rel=1e-3)  # its diameter
+
+
+def test_the_clock_starts_at_zero_and_counts_nanoseconds() -> None:
+    simulator = Simulator(EMPTY, {"R1": Pose(0, 0)}, seed=0)
+    assert simulator.observe("R1").time_ns == 0
+    for _ in range(10):
+        simulator.step({}, 0.1)
+    assert simulator.clock_ns == simulator.observe("R1").time_ns == 1_000_000_000
+    assert simulator.robots == ("R1",)
+
+
+@pytest.mark.parametrize(
+    ("pose", "message"),
+    [
+        (Pose(5.01, 0), "'wall'"),
+        (Pose(4.7, 3), "'wall'"),
+        (Pose(19.9, 19.9), "off the map"),
+        (Pose(-500, 0), "off the map"),
+        (Pose(float("nan"), 0), "finite"),
+        (Pose(0, 0, float("inf")), "finite"),
+        (Pose(0.5, 0.5), "apart"),
+    ],
+)
+def test_robots_start_only_where_they_can_stand(pose: Pose, message: str) -> None:
+    with pytest.raises(PoseError, match=message):
+        Simulator(worlds.walled(), {"R1": Pose(0, 0), "R2": pose}, seed=0)
+
+
+def test_refused_commands_move_nobody() -> None:
+    simulator = Simulator(EMPTY, {"R1": Pose(0, 0)}, seed=0)
+    with pytest.raises(MissionError, match="no robot 'R7'; the robots are 'R1'"):
+        simulator.step({"R1": Drive(0.5), "R7": Drive(0.5)}, 1.0)
+    with pytest.raises(ValueError, match="finite"):
+        simulator.step({"R1": Drive(float("nan"))}, 1.0)
+    for duration_s in (0.0, -1.0, float("nan"), float("inf")):
+        with pytest.raises(ValueError, match="duration"):
+            simulator.step({"R1": Drive(0.5)}, duration_s)
+    for ask in (simulator.observe, simulator.pose, simulator.collisions, simulator.path_xy_m):
+        with pytest.raises(MissionError, match="no robot"):
+            ask("R7")
+    assert simulator.pose("R1") == Pose(0, 0)
+    assert simulator.clock_ns == 0
+    assert len(simulator.path_xy_m("R1")) == 1
+
+
+def test_two_processes_drive_the_same_way() -> None:
+    code = """
+import hashlib, json, sys, worlds
+from vrchain.geometry import Pose
+from vrchain.robot import Wander, wander
+from vrchain.seeding import generator
+from vrchain.simulator import Simulator
+simulator = Simulator(worlds.maze(), {"R1": Pose(0, 0), "R2": Pose(-3, 1, 2.0)}, seed=5)
+lazy = "open3d" not in sys.modules and "pyrender" not in sys.modules
+draws = {r: generator(5, "wander", r) for r in simulator.robots}
+states = {r: Wander() for r in simulator.robots}
+digest = hashlib.sha256()
+for _ in range(50):
+    commands = {}
+    for r in simulator.robots:
+        seen = simulator.observe(r)
+        digest.update(seen.range_ring_m.tobytes() + repr((seen.odometry, seen.bumped)).encode())
+        commands[r], states[r] = wander(seen, draws[r], states[r])
+    simulator.step(commands, 0.25)
+poses = [repr(simulator.pose(r)) for r in simulator.robots]
+print(json.dumps({"digest": digest.hexdigest(), "poses": poses, "lazy": lazy}))
+"""
+    first, second = worlds.in_two_processes(code)
+    assert first == second
+    assert first["lazy"]
+
+
+def wander_about(minutes: float, seed: int) -> Simulator:
+    poses = {"R1": Pose(0, 0), "R2": Pose(-3, 1, 2.0), "R3": Pose(6, -5)}
+    simulator = Simulator(worlds.maze(), poses, seed=seed)
+    draws = {r: generator(seed, "wander", r) for r in simulator.robots}
+    states = {r: Wander() for r in simulator.robots}
+    for _ in range(int(minutes * 60 / 0.25)):
+        commands = {}
+        for r in simulator.robots:
+            commands[r], states[r] = wander(simulator.observe(r), draws[r], states[r])
+        simulator.step(commands, 0.25)
+    return simulator
+
+
+def check_wandering(simulator: Simulator, minutes: float) -> None:
+    for robot in simulator.robots:
+        path = simulator.path_xy_m(robot)
+        assert simulator.scene.is_free(path).all()
+        way_m = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+        assert way_m > 15 * minutes  # it does not hang about
+        assert simulator.collisions(robot) <= 0.5 * minutes
+
+
+def test_wandering_in_a_maze() -> None:
+    check_wandering(wander_about(1.0, seed=0), 1.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(5))
+def test_wandering_in_a_maze_for_long(seed: int) -> None:
+    check_wandering(wander_about(10.0, seed=seed), 10.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(4))
+def test_wandering_in_the_suburb(seed: int) -> None:
+    from vrchain.scene import load_scene
+
+    scene = load_scene(worlds.ROOT / "scenes" / "suburb.yaml")
+    draws = generator(seed, "starts")
+    starts = draws.uniform(-0.5, 0.5, (200, 2)) * scene.extent_m
+    x_m, y_m = starts[scene.is_free(starts, 1.0)][0]
+    simulator = Simulator(scene, {"R1": Pose(x_m, y_m)}, seed=seed)
+    state = Wander()
+    for _ in range(2400):
+        drive, state = wander(simulator.observe("R1"), draws, state)
+        simulator.step({"R1": drive}, 0.25)
+    check_wandering(simulator, 10.0)

@@ -1,0 +1,53 @@
+"""The command ``vrchain``: readable text, or one JSON object with ``--json``.
+
+Exit status 0, or not 0 with one line that says what was expected, what came, how to mend it.
+"""
+
+import sys
+
+import click
+import typer
+
+from vrchain import __version__
+from vrchain.cli import ledger, research, robots, scene
+from vrchain.errors import VRChainError
+
+app = typer.Typer(
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    help="Visual homing for teams of robots that share what they see through a ledger.",
+)
+app.add_typer(scene.app, name="scene")
+app.add_typer(ledger.app, name="ledger")
+for command in (robots.panorama, robots.landmarks, robots.navigate):
+    app.command()(command)
+for command in (research.reproduce, research.figures):
+    app.command()(command)
+
+
+@app.command()
+def version() -> None:
+    """Print the version."""
+    print(__version__)
+
+
+def main() -> None:
+    """Run the command line; errors of use become one line and an exit status."""
+    try:
+        status = app(standalone_mode=False)
+    except VRChainError as error:
+        status = _fail(" ".join(str(error).split()), 1)
+    except click.ClickException as error:
+        status = _fail(f"{error.format_message()} (see `vrchain --help`)", 2)
+    except (KeyboardInterrupt, click.Abort):
+        status = _fail("interrupted: nothing half-written is left", 130)
+    except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
+        sys.stderr.close()
+        status = 141
+    sys.exit(status)
+
+
+def _fail(message: str, status: int) -> int:
+    print(f"vrchain: {message}", file=sys.stderr)
+    return status

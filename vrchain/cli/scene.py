@@ -1,0 +1,54 @@
+"""The command ``vrchain scene``: what is in a scene, and its map."""
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from vrchain.files import write_file
+
+app = typer.Typer(no_args_is_help=True, help="Look at a scene.")
+
+Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file, as in scenes/.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
+
+
+@app.command()
+def info(spec: Spec, as_json: Json = False) -> None:
+    """List a scene's objects."""
+    from vrchain.scene import load_scene
+
+    scene = load_scene(spec)
+    table = scene.table
+    if as_json:
+        objects = [
+            {
+                "name": row.name,
+                "kind": row.kind,
+                "model": row.model,
+                "landmark": bool(row.landmark),
+                "centre_m": [round(v, 3) for v in (row.centre_x_m, row.centre_y_m, row.centre_z_m)],
+                "size_m": [round(v, 3) for v in (row.size_x_m, row.size_y_m, row.size_z_m)],
+            }
+            for row in table.itertuples(index=False)
+        ]
+        print(json.dumps({"name": scene.name, "extent_m": scene.extent_m, "objects": objects}))
+        return
+    print(f"{scene.name}: {scene.extent_m[0]:g} x {scene.extent_m[1]:g} m")
+    print(table.groupby("kind").agg(count=("name", "size"), landmark=("landmark", "first")).to_string())
+    print(table.round(2).to_string(index=False))
+
+
+@app.command(name="map")
+def draw_map(
+    spec: Spec,
+    output: Annotated[Path, typer.Option("-o", "--output", help="The PNG to write.")],
+) -> None:
+    """Draw a scene from above."""
+    from vrchain.plots.maps import scene_map
+    from vrchain.plots.save import png_bytes
+    from vrchain.scene import load_scene
+
+    write_file(output, png_bytes(scene_map(load_scene(spec))))
+    print(f"wrote {output}")

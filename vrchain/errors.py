@@ -1,0 +1,33 @@
+"""The errors a caller may see. Each message says what was expected, what came, and how to mend it."""
+
+
+class VRChainError(Exception):
+    """Base of every error that this library raises on purpose."""
+
+
+class SpecError(VRChainError):
+    """A scene file is missing, unreadable, or holds a key or value that is not allowed."""
+
+
+class PoseError(VRChainError):
+    """A pose lies off the map or inside an object."""
+
+
+class ImageError(VRChainError):
+    """A file is not a readable image, or an image cannot serve (blank, too small)."""
+
+
+class RenderError(VRChainError):
+    """The renderer cannot work here, for instance because system libraries are missing."""
+
+
+class OutputError(VRChainError):
+    """A result cannot be written: no room, no permission, or something is in the way."""
+
+
+class MissionError(VRChainError):
+    """A mission cannot be set up: no such robot or goal, or no place for the team."""
+
+
+class LedgerError(VRChainError):
+    """Base of the ledger's own errors."""

@@ -1,0 +1,106 @@
+"""How many common landmarks two robots find, how many of them are right, and how well placed."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pandas as pd
+from tqdm.auto import tqdm
+
+from vrchain.errors import MissionError
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import MatchConfig, compare
+from vrchain.landmarks.quality import co_visible, judge
+from vrchain.landmarks.sift import extract
+from vrchain.panorama import CameraRig
+from vrchain.render import Renderer
+from vrchain.scene.model import Scene
+from vrchain.seeding import generator
+from vrchain.truth import GroundTruth
+
+
+def landmark_pairs(
+    scene: Scene,
+    n_pairs: int,
+    spacing_m: tuple[float, float],
+    *,
+    seed: int,
+    rig: CameraRig | None = None,
+    config: MatchConfig | None = None,
+) -> pd.DataFrame:
+    """Claims of common landmarks for random pairs of poses, one row a claim.
+
+    Columns: pair, spacing_m, co_visible (landmarks both poses see, by truth), score, right, twin,
+    quality_m, support, object. A pair without a claim has one row with NaN for all of these.
+    """
+    rig = rig or CameraRig()
+    renderer, truth = Renderer(scene), GroundTruth(scene)
+    rows = []
+    pairs = draw_pairs(scene, n_pairs, spacing_m, seed)
+    for number, poses in enumerate(tqdm(pairs, total=n_pairs, desc="pairs", unit="", disable=None)):
+        features = tuple(extract(renderer.render(pose, rig)) for pose in poses)
+        comparison = compare(*features, rig, config)
+        shared = len(co_visible(truth, *poses, rig))
+        pair = {"pair": number, "spacing_m": poses[0].distance_to_m(poses[1].xy_m), "co_visible": shared}
+        verdicts = judge(comparison, truth, poses, features, rig)
+        for claim, verdict in zip(comparison.common, verdicts, strict=True):
+            rows.append(
+                pair
+                | {
+                    "score": claim.score,
+                    "right": verdict.right,
+                    "duplicate": verdict.duplicate,
+                    "twin": verdict.twin,
+                    "quality_m": verdict.quality_m,
+                    "support": len(claim.support_a),
+                    "object": verdict.object_a,
+                }
+            )
+        if not verdicts:
+            rows.append(pair)
+    return pd.DataFrame(rows)
+
+
+def summarise(claims: pd.DataFrame) -> dict[str, float]:
+    """pair_success, precision, recall and quality of ``landmark_pairs``'s table.
+
+    A second claim on one object pair is a duplicate and counts for nothing.
+    """
+    made = claims[claims.score.notna() & ~claims.duplicate.fillna(False).astype(bool)]
+    pairs = claims.groupby("pair").first()
+    fair = pairs[pairs.co_visible > 0]
+    best = made.sort_values("score", ascending=False, kind="stable").groupby("pair").first()
+    best_right = best.right.reindex(fair.index).fillna(False).astype(bool)
+    right = made.right.astype(bool)
+    return {
+        "n_pairs": len(pairs),
+        "pairs_without_common": int((pairs.co_visible == 0).sum()),
+        "pair_success": float(best_right.mean()),
+        "precision": float(right.mean()) if len(made) else float("nan"),
+        "recall": float(right.sum() / max(1, pairs.co_visible.sum())),
+        "claims_per_pair": len(made) / max(1, len(pairs)),
+        "twin_claims": int(made.twin.astype(bool).sum()),
+        "quality_m_mean": float(made.quality_m.mean()),
+        "quality_m_median": float(made.quality_m.median()),
+    }
+
+
+def draw_pairs(
+    scene: Scene, n_pairs: int, spacing_m: tuple[float, float], seed: int
+) -> Iterator[tuple[Pose, Pose]]:
+    """Pairs of free poses: places uniform, spacing uniform in the band, headings independent."""
+    draws = generator(seed, "pairs")
+    half = np.array(scene.extent_m) / 2
+    made = 0
+    for _ in range(10_000 * n_pairs):
+        first = draws.uniform(-half, half)
+        spacing, course = draws.uniform(*spacing_m), draws.uniform(-np.pi, np.pi)
+        second = first + spacing * np.array([np.cos(course), np.sin(course)])
+        yaws = draws.uniform(-np.pi, np.pi, 2)
+        if not scene.is_free([first, second]).all():
+            continue
+        a, b = (Pose(*map(float, (*p, yaw))) for p, yaw in zip((first, second), yaws, strict=True))
+        yield a, b
+        made += 1
+        if made == n_pairs:
+            return
+    raise MissionError(f"found only {made} of {n_pairs} pairs of free places {spacing_m} m apart")

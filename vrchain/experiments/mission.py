@@ -1,0 +1,149 @@
+"""One mission from a scene file to its end: the team, its ledger, the drive, and how true it was."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from vrchain.experiments.team import (
+    Task,
+    assemble,
+    draw_task,
+    drive_to_places,
+    goal_pictures,
+    goal_poses,
+)
+from vrchain.geometry import Pose
+from vrchain.landmarks.index import LandmarkIndex
+from vrchain.landmarks.recognition import goal_of
+from vrchain.ledger import Ledger, simulated_key
+from vrchain.navigation.mission import Decision, MissionConfig, MissionResult, run_mission
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.scene.model import Scene
+from vrchain.simulator import Simulator
+
+MARKER = "mission.json"
+SUCCESS_RANGE_M = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class MissionRun:
+    """A mission as it was driven, and what truth says of it.
+
+    arrived: the robot's own claim. success: it is so. range_m: from the goal's footprint at the
+    end. paths_xy_m: true positions of each robot, (n, 2).
+    """
+
+    scene: Scene
+    task: Task
+    robot: str
+    result: MissionResult
+    pictures: tuple[Panorama, ...]
+    panoramas: dict[str, Panorama]
+    paths_xy_m: dict[str, NDArray[np.float64]]
+    final_pose: Pose
+    success: bool
+    range_m: float
+    collisions: int
+    seconds: float
+    head: str
+
+    def summary(self) -> dict:
+        """The outcome as plain values."""
+        return {
+            "robot": self.robot,
+            "goal": self.task.goal,
+            "arrived": self.result.arrived,
+            "success": self.success,
+            "reason": self.result.reason,
+            "range_m": round(self.range_m, 2),
+            "driven_m": round(_length_m(self.paths_xy_m[self.robot]), 2),
+            "simulated_s": round(self.seconds, 1),
+            "collisions": self.collisions,
+            "chain": list(self.result.plans[-1][1].robots) if self.result.plans else [],
+            "head": self.head,
+        }
+
+    def log(self) -> pd.DataFrame:
+        """The decisions, one row each."""
+        return pd.DataFrame([asdict(d) for d in self.result.decisions])
+
+
+def run(
+    scene: Scene,
+    ledger_folder: Path,
+    *,
+    seed: int = 0,
+    n_robots: int = 3,
+    robot: str = "R1",
+    goal: str | None = None,
+    rig: CameraRig | None = None,
+    config: MissionConfig | None = None,
+    tell: Callable[[Decision], None] = lambda decision: None,
+) -> MissionRun:
+    """Draw a task, let the team drive and publish, and send ``robot`` to the goal."""
+    rig = rig or CameraRig()
+    setup = Simulator(scene, {}, seed=seed, rig=rig)
+    truth, renderer = setup.truth, setup.renderer
+    task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
+    simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
+    pictures = goal_pictures(
+        scene, renderer, task.goal, goal_poses(scene, truth, task.goal, seed), rig
+    )
+    members = {name: simulated_key(seed, name).public for name in task.starts}
+    with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:
+        robots = assemble(simulator, ledger, seed)
+        drive_to_places(simulator, robots, task)
+        started_ns = simulator.clock_ns
+        index = LandmarkIndex(ledger.payload)
+
+        def newest() -> dict[str, bytes]:
+            found = {n: ledger.latest(n) for n in ledger.robots if n != robot}
+            return {n: t.payload_digest for n, t in found.items() if t is not None}
+
+        panoramas = {n: index.panorama(d) for n, d in newest().items()}
+        result = run_mission(
+            robot, robots[robot], newest, index, goal_of(pictures), config, tell
+        )
+        head = ledger.head.hash.hex()
+    pose = simulator.pose(robot)
+    target = scene.index_of(task.goal)
+    range_m = _range_m(scene, task.goal, pose)
+    seen = truth.visibility(pose, rig)
+    visible = target in seen.index and bool(seen.visible[target])
+    return MissionRun(
+        scene,
+        task,
+        robot,
+        result,
+        tuple(pictures),
+        panoramas,
+        {n: simulator.path_xy_m(n) for n in simulator.robots},
+        pose,
+        result.arrived and visible and range_m <= SUCCESS_RANGE_M,
+        range_m,
+        simulator.collisions(robot),
+        (simulator.clock_ns - started_ns) / 1e9,
+        head,
+    )
+
+
+def save_log(run: MissionRun, folder: Path) -> None:
+    """Write the outcome (mission.json) and the decisions (decisions.jsonl) into a folder."""
+    (folder / MARKER).write_text(json.dumps(run.summary(), indent=2) + "\n")
+    lines = [json.dumps(asdict(d), sort_keys=True) for d in run.result.decisions]
+    (folder / "decisions.jsonl").write_text("\n".join(lines) + "\n")
+
+
+def _range_m(scene: Scene, goal: str, pose: Pose) -> float:
+    import shapely
+
+    return float(scene.objects[scene.index_of(goal)].footprint.distance(shapely.Point(*pose.xy_m)))
+
+
+def _length_m(path_xy_m: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(path_xy_m, axis=0), axis=1).sum())

@@ -1,0 +1,67 @@
+"""Writing results so that a reader sees all of them or none."""
+
+import contextlib
+import os
+import shutil
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+from vrchain.errors import OutputError
+
+
+def check_output_folder(folder: Path, marker: str) -> None:
+    """Raise OutputError unless ``folder`` is new, empty, or an earlier result (holds ``marker``)."""
+    if folder.exists() and not folder.is_dir():
+        raise OutputError(f"expected a folder to write to, but {folder} is a file: choose another -o")
+    if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).is_file():
+        raise OutputError(
+            f"{folder} is not empty and holds no {marker} of an earlier run: "
+            "choose a new or an empty folder, so that nothing of yours is lost"
+        )
+
+
+@contextlib.contextmanager
+def output_folder(folder: str | Path, marker: str) -> Iterator[Path]:
+    """A temporary folder that takes the place of ``folder`` when the block ends without an error.
+
+    An earlier result (a folder that holds the file ``marker``) is replaced; any other folder that
+    is not empty is refused. On an error, Ctrl-C included, nothing remains.
+    """
+    target = Path(folder).absolute()
+    check_output_folder(target, marker)
+    with _said_plainly(target):
+        target.parent.mkdir(parents=True, exist_ok=True)
+        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+    try:
+        with _said_plainly(target):
+            yield scratch
+            scratch.chmod(0o755)
+            if target.exists():
+                shutil.rmtree(target)
+            scratch.rename(target)
+    finally:
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+def write_file(path: str | Path, content: bytes) -> None:
+    """Write a whole file by way of a temporary name: it is there complete or not at all."""
+    target = Path(path).absolute()
+    scratch = target.with_name(f".{target.name}-{os.getpid()}")
+    try:
+        with _said_plainly(target):
+            target.parent.mkdir(parents=True, exist_ok=True)
+            scratch.write_bytes(content)
+            scratch.replace(target)
+    finally:
+        scratch.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _said_plainly(target: Path) -> Iterator[None]:
+    try:
+        yield
+    except OSError as error:
+        raise OutputError(
+            f"cannot write {target}: {error.strerror or error}; free some room or choose another place"
+        ) from error

@@ -1,0 +1,166 @@
+"""Common landmarks: what two panoramas both show.
+
+Matched keypoints that obey one relative pose of the two robots are grouped by nearness; each
+group that stands up from the ground is one claim.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.hierarchy import fcluster, linkage
+
+from vrchain.errors import ImageError
+from vrchain.geometry import circular_mean_rad, wrap_angle_rad
+from vrchain.landmarks.epipolar import PlanarGeometry, estimate
+from vrchain.landmarks.sift import Features, extract, mutual_matches
+from vrchain.panorama import CameraRig, Panorama
+
+Box = tuple[float, float, float, float]
+
+_MIN_CONTRAST = 2.0  # standard deviation of grey below which an image is called blank
+
+
+@dataclass(frozen=True)
+class MatchConfig:
+    """How claims are made from matches."""
+
+    ratio: float = 0.8  # nearest over second nearest descriptor distance
+    min_inliers: int = 10  # matches that must obey one relative pose of the robots
+    group_rad: float = 0.03  # matches nearer than this in both views belong together
+    min_support: int = 5  # matches in a claim
+    min_slope: float = 0.0  # a landmark reaches above this; the ground does not
+    min_score: float = 0.5  # claims below this are not made
+    max_range: float = 15.0  # in distances between the robots; what is farther is scenery
+
+
+@dataclass(frozen=True)
+class Region:
+    """Where a landmark appears: pixels x0, y0, x1, y1 of one view; angles in the robot's frame.
+
+    For a photograph view is 0 and the angles, its camera being unknown, are None.
+    """
+
+    view: int
+    box_px: Box
+    bearing_rad: float | None
+    angular_size_rad: float | None
+
+
+@dataclass(frozen=True, eq=False)
+class CommonLandmark:
+    """One claim: these two regions show the same thing.
+
+    score: 0 to 1, larger is surer. support_a, support_b: (k,) indices of its matched keypoints.
+    ranges: distance of the landmark from A and from B, in units of the distance from A to B; None
+    where the geometry does not tell (photographs).
+    """
+
+    score: float
+    a: Region
+    b: Region
+    support_a: NDArray[np.int64]
+    support_b: NDArray[np.int64]
+    ranges: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Comparison:
+    """What two images have in common, surest first, and the relative pose if there is one."""
+
+    common: tuple[CommonLandmark, ...]
+    geometry: PlanarGeometry | None
+
+
+def compare(a: Features, b: Features, rig: CameraRig, config: MatchConfig | None = None) -> Comparison:
+    """Common landmarks of two panoramas of one rig, by SIFT and the planar epipolar constraint."""
+    config = config or MatchConfig()
+    index_a, index_b = mutual_matches(a.descriptors, b.descriptors, config.ratio)
+    matched_a, matched_b = a.take(index_a), b.take(index_b)
+    geometry = estimate(
+        matched_a.bearing_rad,
+        matched_a.slope,
+        matched_b.bearing_rad,
+        matched_b.slope,
+        config.min_inliers,
+    )
+    if geometry is None:
+        return Comparison((), None)
+    inlier = np.flatnonzero(geometry.inliers)
+    places = [
+        np.column_stack([np.cos(f.bearing_rad), np.sin(f.bearing_rad), f.slope])[inlier]
+        for f in (matched_a, matched_b)
+    ]
+    claims = []
+    for members in group_by_nearness(*places, config.group_rad):
+        chosen = inlier[members]
+        standing = all(np.max(f.slope[chosen]) > config.min_slope for f in (matched_a, matched_b))
+        score = support_score(len(chosen))
+        if len(chosen) < config.min_support or not standing or score < config.min_score:
+            continue
+        region_a, region_b = (panorama_region(f.take(chosen), rig) for f in (matched_a, matched_b))
+        ranges = geometry.ranges(region_a.bearing_rad, region_b.bearing_rad)
+        if max(ranges) > config.max_range:
+            continue
+        claims.append(
+            CommonLandmark(
+                score, region_a, region_b, index_a[chosen], index_b[chosen], ranges
+            )
+        )
+    return Comparison(tuple(sorted(claims, key=lambda c: -c.score)), geometry)
+
+
+def common_landmarks(
+    a: Panorama, b: Panorama, config: MatchConfig | None = None
+) -> tuple[CommonLandmark, ...]:
+    """Common landmarks of two panoramas, surest first; ImageError if one is blank or rigs differ."""
+    if a.rig != b.rig:
+        raise ImageError(f"expected two panoramas of one camera rig, got {a.rig} and {b.rig}")
+    for name, panorama in (("first", a), ("second", b)):
+        check_not_blank(panorama.cylinder, f"the {name} panorama")
+    return compare(extract(a), extract(b), a.rig, config).common
+
+
+def check_not_blank(image_rgb: NDArray[np.uint8], what: str) -> None:
+    """Raise ImageError if an image has nothing that could be recognised."""
+    if image_rgb.mean(axis=2).std() < _MIN_CONTRAST:
+        raise ImageError(f"{what} is blank: expected an image in which something can be seen")
+
+
+def support_score(n_matches: int) -> float:
+    """How far matches that agree make a claim credible: half at 5, 0.9 at 16."""
+    return 1.0 - 0.5 ** (n_matches / 5)
+
+
+def group_by_nearness(
+    places_a: NDArray[np.float64], places_b: NDArray[np.float64], reach: float
+) -> list[NDArray[np.int64]]:
+    """Groups of matches whose places, (m, d) each, lie near one another in both images.
+
+    Average linkage: a group does not creep from house to house as a chain of neighbours would.
+    """
+    if len(places_a) < 2:
+        return [np.arange(len(places_a))]
+    tree = linkage(np.hstack([places_a, places_b]), method="average")
+    label = fcluster(tree, 2 * reach, criterion="distance")
+    return [np.flatnonzero(label == k) for k in np.unique(label)]
+
+
+def panorama_region(support: Features, rig: CameraRig) -> Region:
+    """The region around keypoints of one landmark, in the view that looks at it most directly."""
+    middle = circular_mean_rad(support.bearing_rad)
+    offset, reach = wrap_angle_rad(support.bearing_rad - middle), support.size_rad / 2
+    right, left = float((offset - reach).min()), float((offset + reach).max())
+    low, high = float((support.slope - reach).min()), float((support.slope + reach).max())
+    bearing = float(wrap_angle_rad(middle + (left + right) / 2))
+    view = int(rig.view_of_bearing(bearing))
+    half = (left - right) / 2
+    sides = np.clip(wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.array([-half, half]), -1.4, 1.4)
+    x_px, y_px = rig.project(view, rig.azimuths_rad[view] + sides[:, None], np.array([[low, high]]))
+    box = (
+        float(np.clip(x_px.min(), 0, rig.width_px)),
+        float(np.clip(y_px.min(), 0, rig.height_px)),
+        float(np.clip(x_px.max(), 0, rig.width_px)),
+        float(np.clip(y_px.max(), 0, rig.height_px)),
+    )
+    return Region(view, box, bearing, left - right)

@@ -1,0 +1,149 @@
+"""Where two panoramas were taken, relative to each other, from matched directions alone.
+
+Robots drive on a plane and carry their cameras upright at one height, so two angles say it all:
+the direction in which B lies from A, and B's heading against A's. A point at horizontal ranges
+r_a, r_b and slopes t_a, t_b has one height: r_a t_a = r_b t_b. In the triangle of A, B and the
+point, r_a sin(alpha - theta) = r_b sin(beta - psi), where theta and psi are the bearings of the
+baseline A -> B in A's and in B's frame. Together:
+
+    t_b sin(alpha - theta) = t_a sin(beta - psi)
+
+Two matches determine theta and psi in closed form; RANSAC (Fischler and Bolles, 1981) and a
+least-squares polish do the rest.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.seeding import generator
+
+Array = NDArray[np.float64]
+
+_SAMPLES = 800
+_TOLERANCE_RAD = 0.005  # about three pixels of a 640-pixel, 60-degree view
+_PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
+_POLISH_STEPS = 5
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarGeometry:
+    """The pose of B relative to A, up to scale.
+
+    direction_rad: bearing of B seen from A. heading_rad: B's heading against A's, anticlockwise.
+    back_rad: bearing of A seen from B. inliers: (m,) bool over the matches given.
+    direction_std_rad: standard deviation of the direction by the spread of the residuals.
+    """
+
+    direction_rad: float
+    heading_rad: float
+    inliers: NDArray[np.bool_]
+    direction_std_rad: float
+
+    @property
+    def back_rad(self) -> float:
+        return float(wrap_angle_rad(self.direction_rad - self.heading_rad + np.pi))
+
+    def ranges(self, bearing_a_rad: float, bearing_b_rad: float) -> tuple[float, float]:
+        """Ranges from A and from B, in baselines, of a point seen at these bearings.
+
+        Infinite where the two rays are too nearly parallel to meet.
+        """
+        da = bearing_a_rad - self.direction_rad
+        db = bearing_b_rad + self.heading_rad - self.direction_rad
+        parallax = np.sin(db - da)
+        if abs(parallax) < _PARALLEL_RAD:
+            return np.inf, np.inf
+        return abs(float(np.sin(db) / parallax)), abs(float(np.sin(da) / parallax))
+
+
+def estimate(
+    bearing_a_rad: Array,
+    slope_a: Array,
+    bearing_b_rad: Array,
+    slope_b: Array,
+    min_inliers: int = 8,
+    tolerance_rad: float = _TOLERANCE_RAD,
+) -> PlanarGeometry | None:
+    """Two-view geometry of an upright camera from matched directions, each (m,); None if unclear."""
+    n = len(bearing_a_rad)
+    if n < min_inliers:
+        return None
+    a = np.stack([slope_b * np.sin(bearing_a_rad), -slope_b * np.cos(bearing_a_rad)], axis=1)
+    b = np.stack([slope_a * np.sin(bearing_b_rad), -slope_a * np.cos(bearing_b_rad)], axis=1)
+    pairs = generator(0, "epipolar", n).integers(0, n, (_SAMPLES, 2))
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    theta, psi = _from_two(a[pairs], b[pairs])
+    matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
+    if len(theta) == 0:
+        return None
+    counts = _inliers(theta, psi, *matches, tolerance_rad).sum(axis=1)
+    best = int(counts.argmax())
+    angles = np.array([theta[best], psi[best]])
+    std_rad = np.inf
+    for _ in range(_POLISH_STEPS):
+        inliers = _inliers(angles[:1], angles[1:], *matches, tolerance_rad)[0]
+        if inliers.sum() < min_inliers:
+            return None
+        angles, std_rad = _polish(angles, a, b, matches, inliers)
+    inliers = _inliers(angles[:1], angles[1:], *matches, tolerance_rad)[0]
+    if inliers.sum() < min_inliers:
+        return None
+    heading = float(wrap_angle_rad(angles[0] - angles[1]))
+    return PlanarGeometry(float(wrap_angle_rad(angles[0])), heading, inliers, std_rad)
+
+
+def _from_two(a: Array, b: Array) -> tuple[Array, Array]:
+    """All (theta, psi) that satisfy two matches each; a, b: (k, 2 matches, 2)."""
+    determinant = np.linalg.det(b)
+    usable = np.abs(determinant) > 1e-9
+    m = np.linalg.solve(b[usable], a[usable])  # v = m u, and both are unit vectors
+    s = np.swapaxes(m, 1, 2) @ m - np.eye(2)
+    mean, half = (s[:, 0, 0] + s[:, 1, 1]) / 2, (s[:, 0, 0] - s[:, 1, 1]) / 2
+    radius = np.hypot(half, s[:, 0, 1])
+    real = radius > np.abs(mean)
+    m, mean, radius = m[real], mean[real], radius[real]
+    offset, opening = np.arctan2(s[real, 0, 1], half[real]), np.arccos(-mean / radius)
+    theta = np.concatenate([(offset + opening) / 2, (offset - opening) / 2])
+    u = np.stack([np.cos(theta), np.sin(theta)], axis=1)
+    v = np.einsum("kij,kj->ki", np.concatenate([m, m]), u)
+    psi = np.arctan2(v[:, 1], v[:, 0])
+    return np.concatenate([theta, theta + np.pi]), np.concatenate([psi, psi + np.pi])
+
+
+def _inliers(
+    theta: Array, psi: Array, alpha: Array, t_a: Array, beta: Array, t_b: Array, tolerance_rad: float
+) -> NDArray[np.bool_]:
+    """(k hypotheses, m matches) bool: small Sampson distance, and the point in front of both."""
+    da, db = alpha[None] - theta[:, None], beta[None] - psi[:, None]
+    sin_a, sin_b = np.sin(da), np.sin(db)
+    residual = t_b * sin_a - t_a * sin_b
+    gradient = np.sqrt(sin_a**2 + sin_b**2 + (t_b * np.cos(da)) ** 2 + (t_a * np.cos(db)) ** 2)
+    close = np.abs(residual) < tolerance_rad * gradient
+    parallax = np.sin(db - da)
+    before = (sin_b * parallax > 0) & (sin_a * parallax > 0)
+    return close & (before | (np.abs(parallax) < _PARALLEL_RAD) & (np.cos(db - da) > 0))
+
+
+def _polish(
+    angles: Array,
+    a: Array,
+    b: Array,
+    matches: tuple[Array, Array, Array, Array],
+    inliers: NDArray[np.bool_],
+) -> tuple[Array, float]:
+    """One Gauss-Newton step on the Sampson distances of the inliers; also theta's deviation."""
+    theta, psi = angles
+    alpha, t_a, beta, t_b = (x[inliers] for x in matches)
+    da, db = alpha - theta, beta - psi
+    scale = np.sqrt(
+        np.sin(da) ** 2 + np.sin(db) ** 2 + (t_b * np.cos(da)) ** 2 + (t_a * np.cos(db)) ** 2
+    )
+    residual = (t_b * np.sin(da) - t_a * np.sin(db)) / scale
+    jacobian = np.stack([-t_b * np.cos(da), t_a * np.cos(db)], axis=1) / scale[:, None]
+    normal = jacobian.T @ jacobian + 1e-12 * np.eye(2)
+    covariance = np.linalg.inv(normal) * (residual @ residual) / max(1, len(residual) - 2)
+    step = np.linalg.solve(normal, -jacobian.T @ residual)
+    return angles + np.clip(step, -0.1, 0.1), float(np.sqrt(covariance[0, 0]))

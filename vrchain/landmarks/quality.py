@@ -1,0 +1,108 @@
+"""Judging claims of common landmarks against ground truth."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import Comparison
+from vrchain.landmarks.sift import Features
+from vrchain.panorama import CameraRig
+from vrchain.truth import SKY, GroundTruth
+
+CO_VISIBLE_SHARE = 0.2  # of the surface seen in the view that sees fewer, seen from the other too
+_GRID_PX = 4
+_SURFACE_TOLERANCE = 0.01  # of the range: a point is seen if the first hit towards it lies so near
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What one claim really joined.
+
+    right: most of its support, at least half, lies on one landmark in both views. twin: on two
+    placings of one model. duplicate: an earlier claim joined the same two objects. quality_m:
+    distance of the median points in A and in B, NaN if one lies on the sky.
+    """
+
+    object_a: str
+    object_b: str
+    right: bool
+    twin: bool
+    duplicate: bool
+    quality_m: float
+
+
+def judge(
+    comparison: Comparison,
+    truth: GroundTruth,
+    poses: tuple[Pose, Pose],
+    features: tuple[Features, Features],
+    rig: CameraRig,
+) -> list[Verdict]:
+    """A verdict for each claim, in order."""
+    objects = truth.scene.objects
+    verdicts: list[Verdict] = []
+    taken: set[tuple[int, int]] = set()
+    for claim in comparison.common:
+        sides = []
+        supports = (claim.support_a, claim.support_b)
+        for pose, feature, support in zip(poses, features, supports, strict=True):
+            own = feature.take(support)
+            ids, points = truth.look_along(pose, own.bearing_rad, own.slope, rig)
+            values, counts = np.unique(ids, return_counts=True)
+            leader = int(values[counts.argmax()])
+            middle = np.nanmedian(points, axis=0) if (ids != SKY).any() else np.full(3, np.nan)
+            sides.append((leader, counts.max() / counts.sum() >= 0.5, middle))
+        (id_a, held_a, middle_a), (id_b, held_b, middle_b) = sides
+        standing = held_a and held_b and min(id_a, id_b) != SKY and objects[id_a].landmark
+        right = bool(standing and id_a == id_b)
+        names = ["sky" if i == SKY else objects[i].name for i in (id_a, id_b)]
+        twin = bool(standing and id_a != id_b and objects[id_a].model == objects[id_b].model)
+        duplicate = (id_a, id_b) in taken
+        taken.add((id_a, id_b))
+        quality_m = float(np.linalg.norm(middle_a - middle_b))
+        verdicts.append(Verdict(*names, right, twin, duplicate, quality_m))
+    return verdicts
+
+
+def co_visible(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> list[int]:
+    """Object ids of the landmarks that both poses see, enough of their surface being the same."""
+    poses = (a, b)
+    seen = [truth.visibility(pose, rig) for pose in poses]
+    visible = [table.index[table.visible] for table in seen]
+    surfaces = [_surface(truth, pose, rig) for pose in poses]
+    found = []
+    for object_id in visible[0].intersection(visible[1]):
+        if not truth.scene.objects[object_id].landmark:
+            continue
+        fewer = int(seen[0].area_deg2[object_id] > seen[1].area_deg2[object_id])
+        ids, points = surfaces[fewer]
+        own = points[ids == object_id]
+        if len(own) and _seen_share(truth, object_id, own, poses[1 - fewer], rig) >= CO_VISIBLE_SHARE:
+            found.append(int(object_id))
+    return found
+
+
+def _surface(
+    truth: GroundTruth, pose: Pose, rig: CameraRig
+) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+    """Object ids (n,) and world points (n, 3) of a grid of directions all around."""
+    rows, columns = rig.cylinder_shape
+    bearing = rig.bearing_of_column(np.arange(0, columns, _GRID_PX))
+    slope = rig.slope_of_row(np.arange(0, rows, _GRID_PX))
+    grid = np.broadcast_arrays(bearing[None, :], slope[:, None])
+    return truth.look_along(pose, grid[0].ravel(), grid[1].ravel(), rig)
+
+
+def _seen_share(
+    truth: GroundTruth, object_id: int, points_m: NDArray[np.float64], pose: Pose, rig: CameraRig
+) -> float:
+    """Share of an object's surface points, (n, 3), that ``pose`` sees."""
+    eye = np.array([pose.x_m, pose.y_m, rig.camera_height_m])
+    ray = points_m - eye
+    slope = ray[:, 2] / np.hypot(ray[:, 0], ray[:, 1])
+    framed = np.abs(slope) <= rig.slope_of_row(-0.5)
+    hit, distance = truth.cast(eye, ray)
+    reached = (hit == object_id) & (np.abs(distance - 1) < _SURFACE_TOLERANCE)
+    return float((framed & reached).mean())

@@ -1,0 +1,117 @@
+"""SIFT keypoints of panoramas and photographs, and their matches: the only module that runs SIFT.
+
+Lowe (2004), "Distinctive Image Features from Scale-Invariant Keypoints".
+"""
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vrchain.panorama import Panorama
+
+_SEAM_PX = 64  # the cylinder is continued this far, so that keypoints at the seam are whole
+_ROWS_A_PASS = 2048
+
+
+@dataclass(frozen=True, eq=False)
+class Keypoints:
+    """Keypoints of one image: xy_px (n, 2), size_px (n,), descriptors (n, 128) uint8."""
+
+    xy_px: NDArray[np.float64]
+    size_px: NDArray[np.float64]
+    descriptors: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.xy_px)
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """Keypoints of one panorama as directions in the robot's frame.
+
+    bearing_rad (n,), slope (n,) tangent of elevation, size_rad (n,), descriptors (n, 128) uint8.
+    """
+
+    bearing_rad: NDArray[np.float64]
+    slope: NDArray[np.float64]
+    size_rad: NDArray[np.float64]
+    descriptors: NDArray[np.uint8]
+
+    def __len__(self) -> int:
+        return len(self.bearing_rad)
+
+    def take(self, index: ArrayLike) -> "Features":
+        """The features at ``index`` (integers or a mask)."""
+        i = np.asarray(index)
+        return Features(self.bearing_rad[i], self.slope[i], self.size_rad[i], self.descriptors[i])
+
+
+def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
+    """SIFT with OpenCV's defaults and no limit on the number of keypoints."""
+    grey = cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY)
+    found, descriptors = cv2.SIFT_create().detectAndCompute(grey, None)
+    if descriptors is None:
+        return Keypoints(np.empty((0, 2)), np.empty(0), np.empty((0, 128), dtype=np.uint8))
+    xy_px = np.array([k.pt for k in found], dtype=float)
+    return Keypoints(xy_px, np.array([k.size for k in found]), descriptors.astype(np.uint8))
+
+
+def extract(panorama: Panorama) -> Features:
+    """The features of a panorama, found on its cylinder; nothing is cut at the seam."""
+    rig, image = panorama.rig, panorama.cylinder
+    pad = min(_SEAM_PX, image.shape[1]) if rig.closed else 0
+    found = detect(np.pad(image, ((0, 0), (pad, pad), (0, 0)), mode="wrap"))
+    column = found.xy_px[:, 0] - pad
+    own = (column >= -0.5) & (column < image.shape[1] - 0.5)
+    return Features(
+        rig.bearing_of_column(column[own]),
+        rig.slope_of_row(found.xy_px[own, 1]),
+        found.size_px[own] / rig.px_per_rad,
+        found.descriptors[own],
+    )
+
+
+def mutual_matches(
+    a: NDArray[np.uint8], b: NDArray[np.uint8], ratio: float = 0.8
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices (m,), (m,) of descriptors that are each other's nearest and pass the ratio test.
+
+    The ratio test (nearest over second nearest distance) is asked in both directions. Distances
+    are exact: whole numbers below 2**24 in float32.
+    """
+    if min(len(a), len(b)) < 2:
+        return np.empty(0, dtype=int), np.empty(0, dtype=int)
+    wide_a, wide_b = a.astype(np.float32), b.astype(np.float32)
+    norm_a, norm_b = (wide_a**2).sum(axis=1), (wide_b**2).sum(axis=1)
+    nearest_b = np.empty(len(a), dtype=int)
+    clear_b = np.empty(len(a), dtype=bool)
+    best_a = np.zeros(len(b), dtype=int)
+    first_a, second_a = np.full((2, len(b)), np.inf, dtype=np.float32)
+    for start in range(0, len(a), _ROWS_A_PASS):
+        rows = slice(start, start + _ROWS_A_PASS)
+        square = norm_a[rows, None] + norm_b[None, :] - 2 * (wide_a[rows] @ wide_b.T)
+        index, first, second = _two_smallest(square)
+        nearest_b[rows], clear_b[rows] = index, first < ratio**2 * second
+        index, first, second = _two_smallest(square.T)
+        better = first < first_a
+        second_a = np.where(better, np.minimum(first_a, second), np.minimum(second_a, first))
+        best_a[better], first_a[better] = index[better] + start, first[better]
+    clear_a = first_a < ratio**2 * second_a
+    index_a = np.arange(len(a))
+    mutual = clear_b & clear_a[nearest_b] & (best_a[nearest_b] == index_a)
+    return index_a[mutual], nearest_b[mutual]
+
+
+def _two_smallest(
+    square: NDArray[np.float32],
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]:
+    """Of each row: where its smallest value is, that value, and the next."""
+    index = square.argmin(axis=1)
+    rows = np.arange(len(square))
+    first = square[rows, index].copy()
+    square[rows, index] = np.inf
+    second = square.min(axis=1) if square.shape[1] > 1 else np.full(len(square), np.inf, np.float32)
+    square[rows, index] = first
+    return index, first, second

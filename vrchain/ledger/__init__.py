@@ -1,0 +1,43 @@
+"""An append-only ledger of signed transactions. It knows nothing of vision.
+
+    with Ledger.create(folder, {"R1": key.public}, operator) as ledger:
+        transaction = ledger.publish("R1", key, payload, "distance", timestamp_ns)
+        ledger.payload(transaction.payload_digest) == payload
+
+A payload is bytes and their SHA-256; docs/ledger-format.md says how everything is stored.
+"""
+
+from vrchain.ledger.block import Block, Entry
+from vrchain.ledger.chain import Chain
+from vrchain.ledger.keys import (
+    PublicKey,
+    SigningKey,
+    load_key,
+    random_key,
+    save_key,
+    simulated_key,
+)
+from vrchain.ledger.membership import OPERATOR, Enrolment, Genesis
+from vrchain.ledger.store import Ledger
+from vrchain.ledger.transaction import REASONS, Transaction
+from vrchain.ledger.verify import Verification, verify
+
+__all__ = [
+    "OPERATOR",
+    "REASONS",
+    "Block",
+    "Chain",
+    "Enrolment",
+    "Entry",
+    "Genesis",
+    "Ledger",
+    "PublicKey",
+    "SigningKey",
+    "Transaction",
+    "Verification",
+    "load_key",
+    "random_key",
+    "save_key",
+    "simulated_key",
+    "verify",
+]

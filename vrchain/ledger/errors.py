@@ -1,0 +1,111 @@
+"""The ledger's own errors. Each refusal has its kind, so that a caller can tell them apart."""
+
+from vrchain.errors import LedgerError
+
+
+class EncodingError(LedgerError):
+    """Bytes are not the canonical encoding of what was expected."""
+
+
+class TooLargeError(LedgerError):
+    """A record or payload is larger than the ledger takes."""
+
+
+class RecordError(LedgerError):
+    """A field of a record has a shape or value that is not allowed."""
+
+
+class KeyFileError(LedgerError):
+    """A signing key cannot be read or must not be written there."""
+
+
+class PayloadFileError(LedgerError):
+    """A file to be published cannot be read."""
+
+
+class InvalidError(LedgerError):
+    """A block or record that the chain refuses, whoever asks and whenever."""
+
+
+class BrokenLinkError(InvalidError):
+    """A block does not follow the head: wrong height or previous hash."""
+
+
+class TimeOrderError(InvalidError):
+    """A timestamp lies before one that it must not precede."""
+
+
+class UnknownMemberError(InvalidError):
+    """The name is not a member of this ledger."""
+
+
+class DuplicateMemberError(InvalidError):
+    """The name is a member of this ledger already."""
+
+
+class WrongLedgerError(InvalidError):
+    """A record was signed for another ledger."""
+
+
+class ReplayError(InvalidError):
+    """A sequence number was used before."""
+
+
+class SequenceGapError(InvalidError):
+    """A sequence number skips one or more."""
+
+
+class SignatureError(InvalidError):
+    """A signature does not hold for the signer's public key."""
+
+
+class RecordListError(InvalidError):
+    """A block's list of records is not that of the records that came with it."""
+
+
+class NewestError(InvalidError):
+    """A block's table of newest transactions is not what its records make it."""
+
+
+class PayloadDigestError(InvalidError):
+    """A payload is not the one that its transaction names."""
+
+
+class StorageError(LedgerError):
+    """The ledger's folder cannot be read or written."""
+
+
+class NotALedgerError(StorageError):
+    """The folder holds no ledger, or one of another format."""
+
+
+class LedgerExistsError(StorageError):
+    """A ledger, or something else, is already where a new one should go."""
+
+
+class LedgerBusyError(StorageError):
+    """Another process is writing and did not finish in time."""
+
+
+class ReadOnlyError(StorageError):
+    """The ledger was opened for reading only."""
+
+
+class StorageFullError(StorageError):
+    """No room is left on the disk."""
+
+
+class DamagedError(StorageError):
+    """What is stored is not what was written."""
+
+
+class NotFoundError(StorageError):
+    """The ledger holds no such transaction, block or payload."""
+
+
+class PeerError(LedgerError):
+    """The other robot's process does not answer."""
+
+
+class PeerRefusedError(PeerError):
+    """The other robot's process refused a block; its reason is in the message."""

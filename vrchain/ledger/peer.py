@@ -1,0 +1,185 @@
+"""Another robot's process: it receives blocks over a socket and judges them for itself.
+
+A message is a count of frames, then each frame behind its length (both 4 bytes, big-endian):
+the block, its records, the payloads of its transactions in their order. The answer is one
+frame: ``=`` and the new head's hash, or ``!`` and why the block was refused.
+"""
+
+import os
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from types import TracebackType
+from typing import Self
+
+from vrchain.errors import LedgerError
+from vrchain.ledger.block import Block, Entry, Record, decode_record
+from vrchain.ledger.chain import Chain
+from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES, MAX_RECORD_BYTES, digest
+from vrchain.ledger.errors import (
+    EncodingError,
+    PayloadDigestError,
+    PeerError,
+    PeerRefusedError,
+    TooLargeError,
+)
+from vrchain.ledger.transaction import Transaction
+from vrchain.paths import ROOT
+
+MAX_FRAMES = 1 << 16
+MAX_MESSAGE_BYTES = MAX_PAYLOAD_BYTES + 16 * MAX_RECORD_BYTES
+_COUNT_BYTES = 4
+_ACCEPTED, _REFUSED = b"=", b"!"
+_RUN = "import sys; from vrchain.ledger.peer import serve; serve(int(sys.argv[1]))"
+
+
+class PeerProcess:
+    """A child process with its own replica, which begins with the ledger's first entry.
+
+    Send it every later block in turn. Use ``with``: leaving ends the child.
+    """
+
+    def __init__(self, genesis: Entry, timeout_s: float = 30.0) -> None:
+        self._socket, theirs = socket.socketpair()
+        self._socket.settimeout(timeout_s)
+        with theirs:
+            self._process = subprocess.Popen(
+                [sys.executable, "-c", _RUN, str(theirs.fileno())],
+                pass_fds=[theirs.fileno()],
+                stdin=subprocess.DEVNULL,
+                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *_python_path()])},
+                start_new_session=True,  # Ctrl-C is the parent's; the child ends with its socket
+            )
+        try:
+            self.send(*genesis)
+        except BaseException:
+            self.close()
+            raise
+
+    def send(self, block: Block, records: Sequence[Record], *payloads: bytes) -> bytes:
+        """Send a block, its records and their payloads; the peer's new head hash, 32 bytes.
+
+        Raises PeerRefusedError with the peer's reason, PeerError when it does not answer.
+        """
+        frames = [block.record, *(record.record for record in records), *payloads]
+        try:
+            _send(self._socket, frames)
+            answer = _receive(self._socket)
+        except OSError as error:
+            raise PeerError(f"the peer process does not answer: {error}") from None
+        if not answer:
+            raise PeerError("the peer process has ended")
+        if answer[0][:1] == _REFUSED:
+            raise PeerRefusedError(f"the peer refused: {answer[0][1:].decode()}")
+        return answer[0][1:]
+
+    def close(self) -> None:
+        """End the child; closing twice does no harm."""
+        self._socket.close()
+        try:
+            self._process.wait(timeout=5)  # it ends when the socket does
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.close()
+
+
+def serve(handle: int) -> None:
+    """The child's whole life: judge what comes over the socket ``handle`` until it closes."""
+    chain: Chain | None = None
+    with socket.socket(fileno=handle) as connection:
+        try:
+            while (frames := _receive(connection)) is not None:
+                try:
+                    chain = accept(chain, frames)
+                    answer = _ACCEPTED + chain.head.hash
+                except LedgerError as error:
+                    answer = _REFUSED + f"{type(error).__name__}: {error}".encode()
+                _send(connection, [answer])
+        except (OSError, LedgerError):
+            return  # the sender is gone, or what it sends has no frames: nobody to answer
+
+
+def accept(chain: Chain | None, frames: Sequence[bytes]) -> Chain:
+    """The replica after one message's frames; None is one that has not begun.
+
+    Raises EncodingError, RecordError, PayloadDigestError or an InvalidError kind; then
+    ``chain`` is as before.
+    """
+    if not frames:
+        raise EncodingError("expected a block, got an empty message")
+    block = Block.decode(frames[0])
+    count = len(block.records)
+    records = tuple(decode_record(frame) for frame in frames[1 : 1 + count])
+    payloads = frames[1 + count :]
+    named = [record.payload_digest for record in records if isinstance(record, Transaction)]
+    if named != [digest(payload) for payload in payloads]:
+        raise PayloadDigestError(f"the payloads are not those that the records of {block} name")
+    if chain is None:
+        return Chain(Entry(block, records))
+    chain.append(block, records)
+    return chain
+
+
+def _python_path() -> list[str]:
+    path = os.environ.get("PYTHONPATH")
+    return [path] if path else []
+
+
+def _send(connection: socket.socket, frames: Sequence[bytes]) -> None:
+    connection.sendall(len(frames).to_bytes(_COUNT_BYTES, "big"))
+    for frame in frames:
+        connection.sendall(len(frame).to_bytes(_COUNT_BYTES, "big"))
+        connection.sendall(frame)
+
+
+def _receive(connection: socket.socket) -> list[bytes] | None:
+    """One message's frames, None at the end of the connection. OSError, TooLargeError."""
+    frames: list[bytes] = []
+    room = MAX_MESSAGE_BYTES
+    count = _read_count(connection)
+    if count is None:
+        return None
+    if count > MAX_FRAMES:
+        raise TooLargeError(f"expected at most {MAX_FRAMES} frames, got {count}")
+    while len(frames) < count:
+        length = _read_count(connection)
+        if length is None:
+            return None
+        room -= length
+        if room < 0:
+            raise TooLargeError(f"expected a message of at most {MAX_MESSAGE_BYTES} bytes")
+        frame = _read(connection, length)
+        if frame is None:
+            return None
+        frames.append(frame)
+    return frames
+
+
+def _read_count(connection: socket.socket) -> int | None:
+    data = _read(connection, _COUNT_BYTES)
+    return None if data is None else int.from_bytes(data, "big")
+
+
+def _read(connection: socket.socket, count: int) -> bytes | None:
+    """Exactly ``count`` bytes, None when the connection ends before."""
+    data = bytearray(count)
+    view = memoryview(data)
+    done = 0
+    while done < count:
+        received = connection.recv_into(view[done:])
+        if received == 0:
+            return None
+        done += received
+    return bytes(data)

@@ -1,0 +1,95 @@
+"""What every signed record has in common: body, signature, canonical bytes, id.
+
+The signature is over the body. The id is the SHA-256 of the whole record, signature
+included, so that a head hash pins every stored byte. Nobody but the signer can make a
+second valid signature for a body; a signer who does makes a second id for one sequence
+number, which the chain refuses as a replay.
+"""
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any, ClassVar, Self
+
+from vrchain.ledger.encoding import (
+    Field,
+    check_kinds,
+    check_length,
+    decode,
+    digest,
+    encode,
+    split,
+)
+from vrchain.ledger.errors import EncodingError, RecordError, SignatureError
+from vrchain.ledger.keys import SIGNATURE_BYTES, PublicKey, SigningKey
+
+SIGNED_DOMAIN = "vrchain/1/signed"
+
+
+@dataclass(frozen=True)
+class SignedRecord:
+    """Base of the record kinds. An empty signature marks a draft, which has no canonical bytes."""
+
+    DOMAIN: ClassVar[str]
+
+    signature: bytes = field(default=b"", kw_only=True)
+
+    @cached_property
+    def body(self) -> bytes:
+        """The bytes that are signed: every field but the signature."""
+        return encode(self.DOMAIN, *self._fields())
+
+    @cached_property
+    def record(self) -> bytes:
+        """The canonical bytes: body and signature."""
+        check_length(f"signature of {self}", self.signature, SIGNATURE_BYTES)
+        return encode(SIGNED_DOMAIN, self.body, self.signature)
+
+    @cached_property
+    def id(self) -> bytes:
+        """SHA-256 of the canonical bytes, 32 bytes."""
+        return digest(self.record)
+
+    def signed(self, key: SigningKey) -> Self:
+        """A copy that carries ``key``'s signature of the body."""
+        copy = replace(self, signature=key.sign(self.body))
+        copy.__dict__["body"] = self.body  # the same bytes: encode them once
+        return copy
+
+    def check_signature(self, signer: str, public: PublicKey) -> None:
+        """Raise SignatureError unless the signature is that of ``signer``'s public key."""
+        if not public.accepts(self.body, self.signature):
+            raise SignatureError(f"{self} does not carry a valid signature by {signer}")
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """The record of exactly these canonical bytes; EncodingError or RecordError otherwise."""
+        record = decode_signed(data, {cls.DOMAIN: cls})
+        assert isinstance(record, cls)
+        return record
+
+    def _fields(self) -> tuple[Field, ...]:
+        raise NotImplementedError
+
+    @classmethod
+    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
+        raise NotImplementedError
+
+
+def decode_signed(data: bytes, kinds: dict[str, type[SignedRecord]]) -> SignedRecord:
+    """The record of one of ``kinds`` (by domain) in canonical bytes.
+
+    Raises EncodingError, RecordError or TooLargeError for anything else.
+    """
+    body, signature = check_kinds("signed record", decode(data, SIGNED_DOMAIN), bytes, bytes)
+    check_length("signature", signature, SIGNATURE_BYTES)
+    domain, fields = split(body)
+    if domain not in kinds:
+        raise EncodingError(f"expected a record of {' or '.join(kinds)}, got {domain!r:.80}")
+    return kinds[domain]._from_fields(fields, signature)
+
+
+def check_sorted_names(what: str, names: list[str]) -> None:
+    """Raise RecordError unless ``names`` are sorted and no name comes twice."""
+    if any(first >= second for first, second in pairwise(names)):
+        raise RecordError(f"{what}: expected names sorted, each once, got {names!r:.200}")

@@ -1,0 +1,108 @@
+"""Verification of a whole ledger from disk, trusting nothing but the arithmetic."""
+
+import os
+import sqlite3
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from vrchain.errors import LedgerError
+from vrchain.ledger.blobs import BlobStore
+from vrchain.ledger.block import Entry
+from vrchain.ledger.database import connect, last_height, read_entry
+from vrchain.ledger.durable import storage_errors
+from vrchain.ledger.errors import DamagedError, NotALedgerError
+from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.store import BLOBS_NAME
+from vrchain.ledger.transaction import Transaction
+from vrchain.ledger.validity import State, start_or_follow
+
+
+@dataclass(frozen=True)
+class Verification:
+    """``blocks``: how many were found good, from the first on.
+
+    ``first_bad_block``: its height, None when all are good, or when the blocks are good but
+    something beside them is not. ``reason``: what is wrong, empty when ``ok``.
+    """
+
+    ok: bool
+    blocks: int
+    first_bad_block: int | None
+    reason: str
+
+
+def verify(
+    folder: str | os.PathLike[str],
+    expected_head: bytes | None = None,
+    progress: Callable[[int, int], object] = lambda done, total: None,
+) -> Verification:
+    """Read everything in ``folder`` again; recompute every hash, signature and payload digest.
+
+    ``expected_head``: a block hash known from elsewhere that must be in the chain; without
+    one, a ledger whose last blocks were cut off cleanly is a good, shorter ledger.
+    ``progress(done, total)`` is called after each block.
+    Raises NotALedgerError where no ledger is; every damage is a Verification, never raised.
+    """
+    path = Path(folder)
+    if not (path / DATABASE_NAME).is_file():
+        raise NotALedgerError(f"expected a ledger's folder with a file {DATABASE_NAME}: {path}")
+    try:
+        db = connect(path, writable=False, wait_s=5.0)
+    except LedgerError as error:
+        return Verification(False, 0, 0, str(error))
+    try:
+        return _verify(db, BlobStore(path / BLOBS_NAME), expected_head, progress)
+    finally:
+        db.close()
+
+
+def _verify(
+    db: sqlite3.Connection,
+    blobs: BlobStore,
+    expected_head: bytes | None,
+    progress: Callable[[int, int], object],
+) -> Verification:
+    state: State | None = None
+    height = 0
+    known = expected_head is None
+    try:
+        with storage_errors("reading the ledger"):
+            db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
+        total = last_height(db) + 1
+        while height < max(total, 1):
+            entry = read_entry(db, height)
+            state = start_or_follow(state, entry)
+            _check_payloads(entry, blobs)
+            known = known or entry.block.hash == expected_head
+            height += 1
+            progress(height, total)
+    except LedgerError as error:
+        return Verification(False, height, height, str(error))
+    if not known:
+        reason = "the known head is not in the chain: its end was cut off or rewritten"
+        return Verification(False, height, height, reason)
+    try:
+        _check_rest(db, height)
+    except LedgerError as error:
+        return Verification(False, height, None, str(error))
+    return Verification(True, height, None, "")
+
+
+def _check_payloads(entry: Entry, blobs: BlobStore) -> None:
+    for record in entry.records:
+        if isinstance(record, Transaction):
+            with storage_errors(f"reading the payload of {record}"):
+                blobs.check(record.payload_digest)
+
+
+def _check_rest(db: sqlite3.Connection, blocks: int) -> None:
+    """No rows beside those of the good blocks, and indexes that agree with the tables."""
+    with storage_errors("checking the database"):
+        for table in ("blocks", "records"):
+            query = f"SELECT count(*) FROM {table} WHERE height NOT BETWEEN 0 AND ?"
+            if db.execute(query, (blocks - 1,)).fetchone()[0]:
+                raise DamagedError(f"the table {table} holds rows that belong to no block")
+        found = db.execute("PRAGMA integrity_check(1)").fetchone()[0]
+        if found != "ok":
+            raise DamagedError(f"SQLite finds its file inconsistent: {found}")

@@ -1,0 +1,139 @@
+"""Planning: who sees the goal, and by which chain of common landmarks to get there.
+
+The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in a graph whose nodes are panoramas: the
+one in front of the robot and every other robot's newest; an edge is a common landmark.
+"""
+
+from collections.abc import Mapping, Set
+from dataclasses import dataclass
+
+import networkx as nx
+import numpy as np
+
+from vrchain.landmarks.common import CommonLandmark, support_score
+from vrchain.landmarks.index import LandmarkIndex
+from vrchain.landmarks.recognition import Goal, Sighting, find_goal
+from vrchain.landmarks.sift import Features
+from vrchain.panorama import CameraRig
+
+_FAR_BASELINES = 4.0  # a landmark this many baselines off is worth 1/e of one close by
+_MIN_GOAL_MATCHES = 12
+
+LandmarkKey = tuple[str, str, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see."""
+
+    seen_by: str
+    next_by: str
+    landmark: CommonLandmark
+    key: LandmarkKey  # names the landmark among those that failed
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A chain of legs; from the last landmark on, what ``seen_by`` saw of the goal leads home."""
+
+    legs: tuple[Leg, ...]
+    seen_by: str
+    sighting: Sighting
+    score: float
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """The robots of the chain, the driving one first."""
+        return tuple(leg.seen_by for leg in self.legs) + (self.seen_by,)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The best route, or None; and what is known of who sees the goal, in matches."""
+
+    route: Route | None
+    graph: nx.Graph
+    goal_seen_by: dict[str, Sighting]
+
+
+def plan(
+    robot: str,
+    current: Features,
+    rig: CameraRig,
+    newest: Mapping[str, bytes],
+    index: LandmarkIndex,
+    goal: Goal,
+    failed: Set[LandmarkKey] = frozenset(),
+) -> Plan:
+    """The chain with the best product of scores from what ``robot`` sees now to the goal.
+
+    newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
+    """
+    seen: dict[str, Sighting] = {}
+    for name, digest in newest.items():
+        sighting = find_goal(goal, index.features(digest), _MIN_GOAL_MATCHES)
+        if sighting is not None:
+            seen[name] = sighting
+    graph = nx.Graph()
+    graph.add_nodes_from([robot, *newest])
+    names = [robot, *sorted(newest)]
+    for i, a in enumerate(names):
+        for b in names[i + 1 :]:
+            found = (
+                index.compare_with(current, rig, newest[b])
+                if a == robot
+                else index.compare(newest[a], newest[b])
+            ).common
+            usable = [(worth(c), _key(a, b, c), c) for c in found]
+            usable = [u for u in usable if u[1] not in failed]
+            if usable:
+                best_worth, key, landmark = max(usable, key=lambda u: u[0])
+                graph.add_edge(a, b, landmark=landmark, key=key, ends=(a, b), worth=best_worth)
+    return Plan(_best_route(graph, robot, seen), graph, seen)
+
+
+def worth(claim: CommonLandmark) -> float:
+    """How promising a common landmark is: its score, less for one that is far from both robots."""
+    if claim.ranges is None:
+        return claim.score
+    return claim.score * float(np.exp(-sum(claim.ranges) / _FAR_BASELINES)) + 1e-6
+
+
+def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
+    # seen from b, whose panorama stands still while the driving robot's changes
+    bearing = claim.b.bearing_rad if claim.b.bearing_rad is not None else 0.0
+    return (a, b, round(float(np.degrees(bearing)) / 5))
+
+
+def _best_route(graph: nx.Graph, robot: str, seen: Mapping[str, Sighting]) -> Route | None:
+    def cost(a: str, b: str, edge: dict) -> float:
+        return float(-np.log(edge["worth"]))
+
+    distance, paths = nx.single_source_dijkstra(graph, robot, weight=cost)
+    ends = {
+        name: distance[name] - float(np.log(support_score(sighting.n_matches)))
+        for name, sighting in seen.items()
+        if name in distance
+    }
+    if not ends:
+        return None
+    last = min(ends, key=lambda name: (ends[name], len(paths[name]), name))
+    path = paths[last]
+    legs = tuple(_leg(graph, a, b) for a, b in zip(path[:-1], path[1:], strict=True))
+    return Route(legs, last, seen[last], float(np.exp(-ends[last])))
+
+
+def _leg(graph: nx.Graph, a: str, b: str) -> Leg:
+    edge = graph.edges[a, b]
+    landmark: CommonLandmark = edge["landmark"]
+    if edge["ends"] != (a, b):  # walked against the order of comparison
+        ranges = landmark.ranges[::-1] if landmark.ranges else None
+        landmark = CommonLandmark(
+            landmark.score,
+            landmark.b,
+            landmark.a,
+            landmark.support_b,
+            landmark.support_a,
+            ranges,  # type: ignore[arg-type]
+        )
+    return Leg(a, b, landmark, edge["key"])

@@ -1,0 +1,118 @@
+"""Maps: a scene from above, with robots, what they see, and the ways they drove."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.patches import Polygon
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose
+from vrchain.scene.model import Scene
+
+ROBOT_COLOURS = ("#d62728", "#1f77b4", "#9467bd", "#e377c2", "#17becf", "#bcbd22")
+KIND_COLOURS = {
+    "house": "#c98b6b",
+    "tree": "#4f8a3d",
+    "hedge": "#6b9a4f",
+    "bush": "#6b9a4f",
+    "vehicle": "#3b5b92",
+    "fence": "#8a6f4d",
+    "wall": "#6e6e6e",
+}
+_OTHER_COLOUR = "#444444"
+
+
+def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
+    """The whole map, objects by kind, robots as triangles that point where they head."""
+    width_m, height_m = scene.extent_m
+    figure = Figure(figsize=(7.2, 7.2 * height_m / width_m * 0.92), layout="constrained")
+    axes = figure.add_subplot()
+    draw_scene(axes, scene)
+    for index, (name, pose) in enumerate((poses or {}).items()):
+        draw_robot(axes, name, pose, ROBOT_COLOURS[index % len(ROBOT_COLOURS)])
+    axes.set_xlim(-width_m / 2, width_m / 2)
+    axes.set_ylim(-height_m / 2, height_m / 2)
+    _legend(axes, scene)
+    axes.set_title(f"{scene.name}: {width_m:g} x {height_m:g} m, {len(scene.objects)} objects")
+    return figure
+
+
+def draw_scene(axes: Axes, scene: Scene) -> None:
+    """Ground in its own colours, and the footprints of what stands on it."""
+    for obj in scene.objects:
+        if not obj.solid:
+            for surface in obj.surfaces:
+                colour = surface.texture.reshape(-1, 3).mean(axis=0) / 255
+                triangles = surface.vertices_m[surface.faces][:, :, :2]
+                axes.add_collection(
+                    PolyCollection(list(triangles), facecolors=[0.55 + 0.45 * colour], edgecolors="none")
+                )
+    for obj in scene.objects:
+        if obj.solid:
+            ground = obj.footprint if obj.kind != "tree" else _crown(obj.bounds_m)
+            for part in getattr(ground, "geoms", [ground]):
+                if isinstance(part, shapely.LineString | shapely.Point):
+                    part = part.buffer(0.15)
+                axes.add_patch(
+                    Polygon(
+                        np.asarray(part.exterior.coords),
+                        facecolor=KIND_COLOURS.get(obj.kind, _OTHER_COLOUR),
+                        edgecolor="black",
+                        linewidth=0.3,
+                        alpha=0.6 if obj.kind == "tree" else 1.0,
+                    )
+                )
+    axes.set_aspect("equal")
+    axes.set_xlabel("x, east (m)")
+    axes.set_ylabel("y, north (m)")
+
+
+def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2.5) -> None:
+    """A triangle that points along the robot's heading, and its name."""
+    outline = np.array([[1.0, 0.0], [-0.6, 0.55], [-0.6, -0.55]]) * size_m
+    c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
+    corners = outline @ np.array([[c, s], [-s, c]]) + pose.xy_m
+    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=6))
+    axes.annotate(
+        name,
+        pose.xy_m,
+        xytext=(9, 7),
+        textcoords="offset points",
+        fontsize=9,
+        fontweight="bold",
+        color=colour,
+        zorder=7,
+        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    )
+
+
+def zoom_to(axes: Axes, points_xy_m: NDArray[np.float64], margin_m: float = 8.0) -> None:
+    """A square window around some points."""
+    low, high = points_xy_m.min(axis=0), points_xy_m.max(axis=0)
+    centre, half = (low + high) / 2, (high - low).max() / 2 + margin_m
+    axes.set_xlim(centre[0] - half, centre[0] + half)
+    axes.set_ylim(centre[1] - half, centre[1] + half)
+
+
+def _crown(bounds_m: NDArray[np.float64]) -> shapely.Geometry:
+    (low_x, low_y, _), (high_x, high_y, _) = bounds_m
+    radius_m = (high_x - low_x + high_y - low_y) / 4
+    return shapely.Point((low_x + high_x) / 2, (low_y + high_y) / 2).buffer(radius_m)
+
+
+def _legend(axes: Axes, scene: Scene) -> None:
+    counts = scene.table[scene.table.landmark].kind.value_counts()
+    shown = [k for k in KIND_COLOURS if k in counts]
+    handles = [
+        Polygon(np.zeros((3, 2)), facecolor=KIND_COLOURS[k], label=f"{k} ({counts[k]})") for k in shown
+    ]
+    rest = int(counts.drop(shown).sum())
+    if rest:
+        handles.append(
+            Polygon(np.zeros((3, 2)), facecolor=_OTHER_COLOUR, label=f"other landmarks ({rest})")
+        )
+    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4, frameon=False)

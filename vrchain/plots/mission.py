@@ -1,0 +1,137 @@
+"""A mission in pictures: the map with the driven path, and what each decision rested on."""
+
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.patches import Rectangle
+
+from vrchain.experiments.mission import MissionRun
+from vrchain.landmarks.common import Region
+from vrchain.navigation.route import Route
+from vrchain.panorama import Panorama, encode_png
+from vrchain.plots.maps import ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
+from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
+from vrchain.plots.save import png_bytes
+
+_GOAL_COLOUR = "#ff2d95"
+
+
+def save_pictures(run: MissionRun, folder: Path) -> None:
+    """mission.png, goal_N.png (what the robot was given) and leg_N.png (each leg's landmark)."""
+    (folder / "mission.png").write_bytes(png_bytes(mission_figure(run)))
+    for number, picture in enumerate(run.pictures, 1):
+        (folder / f"goal_{number}.png").write_bytes(encode_png(picture.views[0]))
+    for plan_number, (look, route) in enumerate(run.result.plans, 1):
+        for leg_number, leg in enumerate(route.legs, 1):
+            a, b = (_seen(run, name, look) for name in (leg.seen_by, leg.next_by))
+            figure = common_landmarks_figure(
+                a.cylinder, b.cylinder, [leg.landmark], a.rig,
+                (f"{leg.seen_by} sees", f"{leg.next_by} sees"),
+            )  # fmt: skip
+            figure.suptitle(f"plan {plan_number}, leg {leg_number}: the landmark to drive to")
+            (folder / f"plan_{plan_number}_leg_{leg_number}.png").write_bytes(png_bytes(figure))
+
+
+def mission_figure(run: MissionRun) -> Figure:
+    """The map beside the chain: what each robot of the (last) plan saw, and the end."""
+    figure = Figure(figsize=(15, 7.2), layout="constrained")
+    grid = figure.add_gridspec(1, 2, width_ratios=[1, 1.55])
+    draw_mission_map(figure.add_subplot(grid[0]), run)
+    rows = _chain_rows(run)
+    right = grid[1].subgridspec(len(rows), 1)
+    for i, (title, panorama, marks) in enumerate(rows):
+        axes = figure.add_subplot(right[i])
+        show_panorama(axes, panorama)
+        if i < len(rows) - 1:
+            axes.set_xlabel("")
+        axes.set_title(title, fontsize=10, loc="left")
+        for label, colour, region in marks:
+            _mark(axes, panorama, region, label, colour)
+    outcome = "arrived" if run.result.arrived else f"gave up: {run.result.reason}"
+    figure.suptitle(
+        f"{run.robot} looks for {run.task.goal}: {outcome} ({run.range_m:.1f} m from it)", fontsize=13
+    )
+    return figure
+
+
+def draw_mission_map(axes: Axes, run: MissionRun) -> None:
+    """Places of the team, the goal, the chain of robots, and the path of the driving robot."""
+    draw_scene(axes, run.scene)
+    goal = run.scene.objects[run.scene.index_of(run.task.goal)]
+    x0, y0 = goal.bounds_m[0][:2]
+    width, height = np.ptp(goal.bounds_m, axis=0)[:2]
+    axes.add_patch(
+        Rectangle((x0, y0), width, height, fill=False, edgecolor=_GOAL_COLOUR, lw=2.5, zorder=5)
+    )
+    axes.annotate(
+        "goal", (x0 + width / 2, y0 + height / 2), ha="center", va="center", color=_GOAL_COLOUR,
+        fontweight="bold", zorder=8,
+        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+    )  # fmt: skip
+    for index, (name, place) in enumerate(run.task.places.items()):
+        path = run.paths_xy_m[name]
+        colour = ROBOT_COLOURS[index % len(ROBOT_COLOURS)]
+        axes.plot(*path.T, color=colour, lw=2.2 if name == run.robot else 1.0, zorder=5)
+        at = place if name == run.robot else _last_pose(run, name)
+        draw_robot(axes, name, at, colour, size_m=0.9)
+    axes.plot(*run.final_pose.xy_m, "o", color=ROBOT_COLOURS[0], mec="white", ms=9, zorder=7)
+    places = np.array([p.xy_m for p in run.task.places.values()])
+    corners = goal.bounds_m[:, :2]
+    zoom_to(axes, np.concatenate([places, corners, run.paths_xy_m[run.robot]]), margin_m=4.0)
+    axes.set_title(f"path of {run.robot} (thick; dot: its end)", fontsize=10)
+
+
+def _chain_rows(run: MissionRun) -> list[tuple[str, Panorama, list[tuple[str, str, Region]]]]:
+    rows: list[tuple[str, Panorama, list[tuple[str, str, Region]]]] = []
+    if run.result.plans:
+        look, route = run.result.plans[-1]
+        for i, name in enumerate(route.robots):
+            marks = []
+            if i > 0:
+                marks.append((f"L{i}{i + 1}", CLAIM_COLOURS[i - 1], route.legs[i - 1].landmark.b))
+            if i < len(route.legs):
+                marks.append((f"L{i + 1}{i + 2}", CLAIM_COLOURS[i], route.legs[i].landmark.a))
+            if name == route.seen_by:
+                marks.append(("goal", _GOAL_COLOUR, _goal_region(route)))
+            rows.append((f"{name} sees", _seen(run, name, look), marks))
+    if run.result.looks:
+        rows.append((f"{run.robot}'s last look around", run.result.looks[-1], []))
+    return rows
+
+
+def _seen(run: MissionRun, name: str, look: int) -> Panorama:
+    return run.result.looks[look] if name == run.robot else run.panoramas[name]
+
+
+def _goal_region(route: Route) -> Region:
+    sighting = route.sighting
+    return Region(0, (0, 0, 0, 0), sighting.bearing_rad, 2 * sighting.half_width_rad)
+
+
+def _last_pose(run: MissionRun, name: str):
+    from vrchain.geometry import Pose
+
+    (x_m, y_m), place = run.paths_xy_m[name][-1], run.task.places[name]
+    return Pose(float(x_m), float(y_m), place.yaw_rad)
+
+
+def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: str) -> None:
+    """A box on a panorama whose axes are degrees."""
+    if region.bearing_rad is None or region.angular_size_rad is None:
+        return
+    centre, width = np.degrees([region.bearing_rad, region.angular_size_rad])
+    rig = panorama.rig
+    if region.box_px[3] > region.box_px[1]:
+        _, y0, _, y1 = region_box(region, rig)
+        top, bottom = np.degrees(np.arctan(rig.slope_of_row(np.array([y0, y1]))))
+    else:
+        top, bottom = 12.0, -6.0
+    axes.add_patch(
+        Rectangle((centre - width / 2, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2)
+    )
+    axes.text(
+        centre + width / 2, top, label, fontsize=8, va="bottom", clip_on=True,
+        bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
+    )  # fmt: skip

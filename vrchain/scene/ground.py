@@ -1,0 +1,173 @@
+"""The ground, cut into polygons that do not overlap: grass, roads, pavements, markings, driveways."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose
+from vrchain.scene import textures
+from vrchain.scene.layout import Layout
+from vrchain.scene.light import Light
+from vrchain.scene.model import SceneObject, Surface, place
+from vrchain.scene.shapes import Image
+from vrchain.scene.streets import BEYOND_M, KERB_M, Street, Streets
+
+_SOFT_M = 0.12  # half the width of a shadow's edge
+_UP = np.array([[0.0, 0.0, 1.0]])
+
+
+def build_ground(
+    layout: Layout,
+    extent_m: tuple[float, float],
+    shadow: shapely.Geometry,
+    light: Light,
+    rng: np.random.Generator,
+) -> Iterator[SceneObject]:
+    """Ground objects, on z = 0; none is solid or a landmark."""
+    streets = layout.streets
+    half = np.array(extent_m) / 2 + BEYOND_M
+    everything = shapely.box(*-half, *half)
+    marking = shapely.union_all(list(_markings(streets))).intersection(streets.road)
+    outside = everything.difference(streets.corridor)
+    drives = shapely.union_all([h.driveway for h in layout.homesteads]).intersection(outside)
+    paths = shapely.union_all([h.path for h in layout.homesteads]).intersection(outside)
+    paths = paths.difference(drives)
+    lawns = _lawns(layout, outside.difference(shapely.union_all([drives, paths])))
+    rest = outside.difference(shapely.union_all([*lawns, drives, paths]))
+
+    def grass(hue: float, value: float, contrast: float = 0.13) -> Image:
+        colour = textures.hsv(hue + rng.uniform(-4, 4), rng.uniform(0.42, 0.55), value)
+        return textures.ground(rng, colour, contrast, 4)
+
+    simple = shadow.simplify(0.1)
+    outer = simple.buffer(_SOFT_M, quad_segs=1).simplify(0.04)
+    core = simple.buffer(-_SOFT_M).simplify(0.04).intersection(outer)
+    shadow_edges = (core, outer)
+    asphalt = textures.ground(rng, textures.hsv(220, 0.04, rng.uniform(0.36, 0.46)), 0.1, 3)
+    grey = textures.hsv(35, 0.08, 0.68)
+    pieces = [
+        ("road", "road", streets.road.difference(marking), asphalt, 7.0),
+        ("marking", "marking", marking, textures.ground(rng, (232, 230, 222), 0.06, 3, 128), 3.0),
+        ("kerb", "kerb", streets.kerb, textures.ground(rng, (178, 175, 168), 0.09, 3, 128), 2.0),
+        (
+            "pavement",
+            "pavement",
+            streets.corridor.difference(streets.road.buffer(KERB_M)),
+            textures.paving(rng, grey, 32),
+            8.0,
+        ),
+        ("driveways", "driveway", drives, textures.ground(rng, (176, 170, 160), 0.08, 4, 256), 4.0),
+        ("paths", "path", paths, textures.paving(rng, textures.hsv(25, 0.22, 0.7), 24, 256), 4.0),
+        ("lawn_1", "grass", lawns[0], grass(84, 0.56), 7.0),
+        ("lawn_2", "grass", lawns[1], grass(92, 0.5), 6.0),
+        ("lawn_3", "grass", lawns[2], grass(76, 0.6), 8.0),
+        ("grass", "grass", rest, grass(80, 0.52, 0.16), 9.0),
+    ]
+    for name, kind, region, texture, tile_m in pieces:
+        ground = region.intersection(everything)
+        if ground.is_empty:
+            continue
+        surface = _flat(ground, shadow_edges, light, texture, tile_m)
+        yield place(name, kind, name, [surface], Pose(0.0, 0.0), landmark=False, solid=False)
+
+
+def _lawns(layout: Layout, open_ground: shapely.Geometry) -> list[shapely.Geometry]:
+    """The lots' grass in three groups, so that neighbours' lawns differ."""
+    groups: list[list[shapely.Geometry]] = [[], [], []]
+    taken = shapely.Polygon()
+    for i, lot in enumerate(layout.lots):
+        groups[i % 3].append(lot.polygon.intersection(open_ground).difference(taken))
+        taken = taken.union(lot.polygon)
+    return [shapely.union_all(group) for group in groups]
+
+
+def _flat(
+    region: shapely.Geometry,
+    shadow_edges: tuple[shapely.Geometry, shapely.Geometry],
+    light: Light,
+    texture: Image,
+    tile_m: float,
+) -> Surface:
+    """A region in light, in shadow, and in the soft edge between, where the shade runs across."""
+    core, outer = shadow_edges
+    bright, dark = float(light.on(_UP)[0]), light.ambient
+    edge = region.intersection(outer).difference(core)
+    points, faces, shades, first = [], [], [], 0
+    for part, shade in (
+        (region.difference(outer), bright),
+        (region.intersection(core), dark),
+        (edge, None),
+    ):
+        corners = _triangles(part)
+        if not len(corners):
+            continue
+        flat = corners.reshape(-1, 2)
+        points.append(flat)
+        faces.append(np.arange(len(flat)).reshape(-1, 3) + first)
+        first += len(flat)
+        if shade is None:
+            shapely.prepare(core)
+            inner = shapely.dwithin(core, shapely.points(flat), _SOFT_M / 4)
+            shades.append(np.where(inner, dark, bright))
+        else:
+            shades.append(np.full(len(flat), shade))
+    xy = np.concatenate(points)
+    return Surface(
+        np.column_stack([xy, np.zeros(len(xy))]).astype(np.float32),
+        np.concatenate(faces).astype(np.int32),
+        (xy / tile_m).astype(np.float32),
+        np.concatenate(shades).astype(np.float32),
+        texture,
+    )
+
+
+def _triangles(region: shapely.Geometry) -> NDArray[np.float64]:
+    """A region cut into triangles, anticlockwise: (n, 3, 2)."""
+    polygons = [p for p in shapely.get_parts(region) if p.geom_type == "Polygon" and p.area > 1e-6]
+    cut = shapely.get_parts(
+        shapely.constrained_delaunay_triangles(np.array(polygons, dtype=object))
+    )
+    if not len(cut):
+        return np.empty((0, 3, 2))
+    corners = shapely.get_coordinates(cut).reshape(-1, 4, 2)[:, :3]
+    a, b = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    area = a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
+    corners = np.where(area[:, None, None] < 0, corners[:, ::-1], corners)
+    return corners[np.abs(area) > 1e-9]
+
+
+def _markings(streets: Streets) -> Iterator[shapely.Geometry]:
+    """Centre dashes, zebra crossings and stop lines at junctions."""
+    for street in streets.lines:
+        crossings = [
+            street.line.project(p) for p in streets.junctions if street.line.distance(p) < 0.1
+        ]
+        clear = streets.half_m + 4.5
+        for along in np.arange(1.0, street.line.length - 3.0, 5.0):
+            if all(abs(along + 1.2 - c) > clear + 1.2 for c in crossings):
+                yield _strip(street, along, along + 2.4, 0.0, 0.07)
+        for c in crossings:
+            for sign in (-1, 1):
+                near = c + sign * (streets.half_m + 0.5)
+                far = near + sign * 2.4
+                for aside in np.arange(-streets.width_m / 2 + 0.5, streets.width_m / 2 - 0.3, 0.95):
+                    yield _strip(street, min(near, far), max(near, far), float(aside), 0.22)
+                stop = far + sign * 0.6
+                # Traffic keeps right: it comes on the left of the line where it leaves the junction.
+                yield _strip(
+                    street,
+                    stop - 0.15,
+                    stop + 0.15,
+                    sign * streets.width_m / 4,
+                    streets.width_m / 4 - 0.25,
+                )
+
+
+def _strip(
+    street: Street, start_m: float, end_m: float, aside_m: float, half_m: float
+) -> shapely.Polygon:
+    (a, _), (b, _) = (street.at(s, aside_m - half_m) for s in (start_m, end_m))
+    (d, _), (c, _) = (street.at(s, aside_m + half_m) for s in (start_m, end_m))
+    return shapely.Polygon([a, b, c, d])

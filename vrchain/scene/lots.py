@@ -1,0 +1,135 @@
+"""Lots along streets, and the house, driveway and path on each."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose
+from vrchain.scene.house_plans import HousePlan
+from vrchain.scene.streets import Streets
+
+_DEPTH_M = 22.0
+_WIDTH_M = (15.8, 18.0)
+_TIGHT_M = ((15.5, 22.0), (15.5, 18.8))  # width and depth, where a whole lot does not fit
+_SIDE_M = 0.85  # from a house to its lot's side
+DRIVEWAY_M = 2.7
+
+
+@dataclass(frozen=True, eq=False)
+class Lot:
+    """A rectangle of land. Its own frame: u along the street, v away from it, the front at v = 0."""
+
+    front_xy_m: NDArray[np.float64]
+    yaw_rad: float
+    width_m: float
+    depth_m: float
+
+    def to_world(self, uv_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Points of the lot's frame, (..., 2), in the world."""
+        c, s = np.cos(self.yaw_rad), np.sin(self.yaw_rad)
+        return self.front_xy_m + uv_m @ np.array([[c, s], [-s, c]])
+
+    def pose(self, u_m: float, v_m: float, turn_rad: float = 0.0) -> Pose:
+        """A pose of the lot's frame in the world; turn 0: a model's -y looks at the street."""
+        x, y = self.to_world(np.array([u_m, v_m]))
+        return Pose(float(x), float(y), self.yaw_rad + turn_rad)
+
+    def rectangle(self, u0: float, v0: float, u1: float, v1: float) -> shapely.Polygon:
+        """A rectangle of the lot's frame in the world."""
+        return shapely.Polygon(self.to_world(np.array([(u0, v0), (u1, v0), (u1, v1), (u0, v1)])))
+
+    @cached_property
+    def polygon(self) -> shapely.Polygon:
+        """The whole lot."""
+        return self.rectangle(-self.width_m / 2, 0.0, self.width_m / 2, self.depth_m)
+
+    @cached_property
+    def inner(self) -> shapely.Polygon:
+        """The lot less a rim; rims of neighbours may overlap where a street bends."""
+        return self.polygon.buffer(-0.35)
+
+
+@dataclass(frozen=True, eq=False)
+class Homestead:
+    """A lot with its house."""
+
+    lot: Lot
+    plan: HousePlan
+    house_uv_m: tuple[float, float]  # the plan's middle
+    driveway_u_m: float
+
+    @property
+    def pose(self) -> Pose:
+        return self.lot.pose(*self.house_uv_m)
+
+    @property
+    def house_front_v_m(self) -> float:
+        return self.house_uv_m[1] - self.plan.size_m[1] / 2
+
+    @cached_property
+    def driveway(self) -> shapely.Polygon:
+        """From the pavement to the garage, or beside the house."""
+        reach = self.house_front_v_m + 2.5
+        if self.plan.garage:
+            reach = self.house_uv_m[1] + self.plan.garage.y0
+        half = DRIVEWAY_M / 2
+        return self.lot.rectangle(self.driveway_u_m - half, 0.0, self.driveway_u_m + half, reach)
+
+    @cached_property
+    def path(self) -> shapely.Polygon:
+        """From the pavement to the door."""
+        u = self.house_uv_m[0] + self.plan.door_x_m
+        porch = self.plan.porch
+        return self.lot.rectangle(
+            u - 0.6, 0.0, u + 0.6, self.house_uv_m[1] + (porch.y0 if porch else 0.0)
+        )
+
+
+def draw_lots(
+    streets: Streets, extent_m: tuple[float, float], rng: np.random.Generator
+) -> list[Lot]:
+    """As many lots as fit side by side along the streets, none overlapping."""
+    on_map = shapely.box(*(-e / 2 + 0.5 for e in extent_m), *(e / 2 - 0.5 for e in extent_m))
+    lots: list[Lot] = []
+    taken = [streets.corridor.buffer(-0.4)]
+
+    def fits(ground: shapely.Geometry) -> bool:
+        return bool(on_map.contains(ground)) and not shapely.intersects(taken, ground).any()
+
+    for street in streets.lines:
+        for side in (1, -1):
+            along, end = street.on_map_m
+            width = rng.uniform(*_WIDTH_M)
+            along += rng.uniform(0, 1.5) + width / 2
+            while along < end - width / 2:
+                front, heading = street.at(along, side * streets.half_m)
+                yaw = heading if side > 0 else heading + np.pi
+                sizes = ((float(width), _DEPTH_M), *_TIGHT_M)
+                tries = [Lot(front, float(yaw), *size) for size in sizes]
+                lot = next((lot for lot in tries if fits(lot.inner)), None)
+                if lot is None:
+                    along += 0.5
+                    continue
+                lots.append(lot)
+                taken.append(lot.inner)
+                along += lot.width_m / 2
+                width = rng.uniform(*_WIDTH_M)
+                along += width / 2
+    return lots
+
+
+def settle(lot: Lot, plan: HousePlan, setback_m: float, rng: np.random.Generator) -> Homestead:
+    """The house on its lot: set back, to one side if there is no garage, so that a car fits beside."""
+    width, depth = plan.size_m
+    room = lot.width_m / 2 - width / 2 - _SIDE_M
+    side = plan.garage_side or int(rng.choice([-1, 1]))
+    if plan.garage:
+        u = float(rng.uniform(-room, room))
+        drive = u + (plan.garage.x0 + plan.garage.x1) / 2
+    else:
+        u = -side * room
+        drive = side * (lot.width_m / 2 - DRIVEWAY_M / 2 - 0.4)
+    return Homestead(lot, plan, (u, setback_m + depth / 2), drive)

@@ -1,0 +1,189 @@
+"""A scene file (YAML) read into frozen dataclasses; every mistake in it is named.
+
+A field's allowed range stands beside its default, and error messages quote it.
+"""
+
+import math
+import types
+from dataclasses import Field, dataclass, field, fields, is_dataclass
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+
+import yaml
+
+from vrchain.errors import SpecError
+
+_Spec = TypeVar("_Spec")
+
+
+def _within(default: Any, low: float, high: float) -> Any:
+    """A field with its allowed range, ends included."""
+    return field(default=default, metadata={"range": (low, high)})
+
+
+@dataclass(frozen=True)
+class StreetSpec:
+    """The road network: streets that cross the map from edge to edge."""
+
+    width_m: float = _within(7.0, 5.0, 12.0)  # between the kerbs
+    pavement_m: float = _within(1.9, 1.2, 4.0)  # each side
+    bend_m: float = _within(2.5, 0.0, 4.0)  # how far a street swings from a straight line
+    spacing_m: float = _within(65.0, 60.0, 200.0)  # between parallel streets, about
+
+
+@dataclass(frozen=True)
+class HouseSpec:
+    """Houses, one a lot, facing their street."""
+
+    count: int = _within(32, 0, 500)  # how many
+    setback_m: tuple[float, float] = _within((5.2, 7.0), 4.0, 15.0)  # pavement to front wall
+    two_storey: float = _within(0.35, 0.0, 1.0)  # share of houses with an upper floor
+
+
+@dataclass(frozen=True)
+class TreeSpec:
+    """Trees in gardens and along streets."""
+
+    count: int = _within(80, 0, 2000)  # how many
+    height_m: tuple[float, float] = _within((4.5, 9.5), 2.5, 25.0)  # smallest and tallest
+
+
+@dataclass(frozen=True)
+class VehicleSpec:
+    """Parked cars, vans and pickups."""
+
+    count: int = _within(20, 0, 400)  # how many
+    in_driveway: float = _within(0.5, 0.0, 1.0)  # share parked in driveways, the rest at kerbs
+
+
+@dataclass(frozen=True)
+class BoundarySpec:
+    """What divides lots: runs of at most 8 m, each one object."""
+
+    fences: int = _within(40, 0, 800)  # runs of picket, board or rail fence
+    walls: int = _within(16, 0, 400)  # runs of brick or stone wall
+    hedges: int = _within(18, 0, 400)  # runs of clipped hedge
+
+
+@dataclass(frozen=True)
+class FurnitureSpec:
+    """Small things along streets and in front yards."""
+
+    mailboxes: int = _within(26, 0, 400)  # at the pavement, by driveways
+    lamps: int = _within(24, 0, 400)  # street lamps
+    poles: int = _within(10, 0, 200)  # utility poles
+    signs: int = _within(12, 0, 200)  # road signs
+    bins: int = _within(18, 0, 400)  # wheeled bins beside houses and at kerbs
+    hydrants: int = _within(6, 0, 200)  # on the pavement
+    bushes: int = _within(30, 0, 800)  # shrubs before houses and in gardens
+
+
+@dataclass(frozen=True)
+class LightSpec:
+    """The sun whose light is baked into the scene."""
+
+    sun_azimuth_deg: float = _within(235.0, 0.0, 360.0)  # anticlockwise from east
+    sun_elevation_deg: float = _within(46.0, 10.0, 85.0)  # above the horizon
+    ambient: float = _within(0.6, 0.2, 1.0)  # brightness of a face that the sun does not reach
+
+
+@dataclass(frozen=True)
+class SceneSpec:
+    """Everything that, with its seed, determines a scene."""
+
+    name: str = "suburb"  # shown in tables and titles
+    seed: int = _within(2000, 0, 2**63 - 1)  # of every random choice
+    extent_m: tuple[float, float] = _within((130.0, 180.0), 60.0, 600.0)  # x by y, origin centred
+    streets: StreetSpec = StreetSpec()
+    houses: HouseSpec = HouseSpec()
+    trees: TreeSpec = TreeSpec()
+    vehicles: VehicleSpec = VehicleSpec()
+    boundaries: BoundarySpec = BoundarySpec()
+    furniture: FurnitureSpec = FurnitureSpec()
+    light: LightSpec = LightSpec()
+
+
+# The ground that one thing needs at the very least, in square metres: a first check of densities.
+_LEAST_AREA_M2 = {"houses": 300.0, "trees": 14.0, "vehicles": 40.0}
+
+
+def load_spec(path: str | Path) -> SceneSpec:
+    """Read a scene file. Raises SpecError, naming the file and the key, on anything amiss."""
+    path = Path(path)
+    if path.is_dir():
+        raise SpecError(f"{path} is a folder: give a scene file such as scenes/suburb.yaml")
+    try:
+        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise SpecError(
+            f"no scene file {path}: check the path, or use scenes/suburb.yaml"
+        ) from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise SpecError(f"cannot read {path} as a scene file: {error}") from error
+    except yaml.YAMLError as error:
+        reason = " ".join(str(error).split())
+        raise SpecError(f"{path} is not valid YAML: {reason}") from error
+    if not isinstance(document, dict):
+        found = "nothing" if document is None else f"a {type(document).__name__}"
+        raise SpecError(f"{path}: expected keys and values such as `seed: 2000`, got {found}")
+    try:
+        return parse_spec(document)
+    except SpecError as error:
+        raise SpecError(f"{path}: {error}") from None
+
+
+def parse_spec(document: dict[str, Any]) -> SceneSpec:
+    """A spec from its keys; what is left out takes its default. Raises SpecError."""
+    spec = _read(SceneSpec, document, "")
+    area = spec.extent_m[0] * spec.extent_m[1]
+    for key, least in _LEAST_AREA_M2.items():
+        count, most = getattr(spec, key).count, int(area / least)
+        if count > most:
+            raise SpecError(
+                f"{key}.count: {count} cannot be placed on {area:g} m2, allowed 0..{most}"
+            )
+    return spec
+
+
+def _read(cls: type[_Spec], document: Any, prefix: str) -> _Spec:
+    if not isinstance(document, dict):
+        raise SpecError(f"{prefix[:-1]}: expected keys and values, got {document!r}")
+    hints = get_type_hints(cls)
+    known = {f.name: f for f in fields(cls)}  # type: ignore[arg-type]
+    for key in document:
+        if key not in known:
+            raise SpecError(
+                f"unknown key '{prefix}{key}': known here are {', '.join(sorted(known))}"
+            )
+    return cls(**{k: _value(known[k], hints[k], v, prefix + k) for k, v in document.items()})
+
+
+def _value(spec_field: "Field[Any]", hint: Any, value: Any, key: str) -> Any:
+    if is_dataclass(hint):
+        return _read(hint, value, key + ".")  # type: ignore[arg-type]
+    if hint is str:
+        if not isinstance(value, str) or not value.strip():
+            raise SpecError(f"{key}: expected a name, got {value!r}")
+        return value
+    low, high = spec_field.metadata["range"]
+    if get_origin(hint) is tuple:
+        n = len(get_args(hint))
+        if not isinstance(value, list) or len(value) != n:
+            raise SpecError(
+                f"{key}: expected a list of {n} numbers, each {low:g}..{high:g}, got {value!r}"
+            )
+        pair = tuple(_number(v, float, low, high, key) for v in value)
+        if key != "extent_m" and pair[0] > pair[1]:
+            raise SpecError(f"{key}: expected the smaller number first, got {value!r}")
+        return pair
+    return _number(value, hint, low, high, key)
+
+
+def _number(value: Any, kind: type, low: float, high: float, key: str) -> Any:
+    word = "a whole number" if kind is int else "a number"
+    accepted: type | types.UnionType = int if kind is int else int | float
+    if isinstance(value, bool) or not isinstance(value, accepted):
+        raise SpecError(f"{key}: expected {word} in {low:g}..{high:g}, got {value!r}")
+    if not math.isfinite(value) or not low <= value <= high:
+        raise SpecError(f"{key}: {value!r} is not allowed, give {word} in {low:g}..{high:g}")
+    return kind(value)
