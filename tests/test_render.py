@@ -118,7 +118,7 @@ def test_drawing_twice_gives_the_same_bytes() -> None:
     assert np.array_equal(first.views, again.views)
 
 
-def test_two_processes_draw_the_same_bytes_and_end_quietly() -> None:
+def test_two_processes_draw_the_same_bytes() -> None:
     code = """
 import hashlib, json, worlds
 from vrchain.geometry import Pose
@@ -132,6 +132,17 @@ print(json.dumps([hashlib.sha256(a.tobytes()).hexdigest() for a in arrays]))
 """
     first, second = worlds.in_two_processes(code)
     assert first == second
+
+
+def test_nothing_but_the_answer_is_printed_until_the_very_end() -> None:
+    code = """
+import worlds
+from vrchain.geometry import Pose
+from vrchain.render import Renderer
+renderer = Renderer(worlds.yard())
+print(renderer.render(Pose(0, 0), worlds.SMALL_RIG).views.size)
+"""
+    assert worlds.in_two_processes(code) == [8 * 120 * 160 * 3] * 2
 
 
 def test_another_thread_is_refused() -> None:

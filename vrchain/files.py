@@ -54,7 +54,8 @@ def write_file(path: str | Path, content: bytes) -> None:
             scratch.write_bytes(content)
             scratch.replace(target)
     finally:
-        scratch.unlink(missing_ok=True)
+        with contextlib.suppress(OSError):  # its folder may not even be one
+            scratch.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager

@@ -15,7 +15,6 @@ from vrchain.experiments.team import (
     draw_task,
     drive_to_places,
     goal_pictures,
-    goal_poses,
 )
 from vrchain.geometry import Pose
 from vrchain.landmarks.index import LandmarkIndex
@@ -91,9 +90,7 @@ def run(
     truth, renderer = setup.truth, setup.renderer
     task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
     simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
-    pictures = goal_pictures(
-        scene, renderer, task.goal, goal_poses(scene, truth, task.goal, seed), rig
-    )
+    pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
     members = {name: simulated_key(seed, name).public for name in task.starts}
     with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:
         robots = assemble(simulator, ledger, seed)

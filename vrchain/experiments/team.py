@@ -3,8 +3,9 @@
 Here ground truth draws up the task; the robots that carry it out never see it.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,28 +22,38 @@ from vrchain.seeding import generator
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
+Points = NDArray[np.float64]
+
 SPACING_M = (5.0, 8.0)  # between neighbours of a chain
 GOAL_RANGE_M = (6.0, 15.0)  # from which the goal's pictures are taken
 GOAL_PICTURES = 4
 LOOK_EVERY_M = 2.5
 _CLEARANCE_M = 1.0
-_DRAWS = 400
-_GOAL_KINDS = ("house", "vehicle")  # drawn from, if no goal is named
-_GOAL_MIN_AZIMUTH_DEG = 6.0
-_GOAL_MAX_RANGE_M = 25.0
+_BATCH = 20_000  # chains of places tried at once
+_DRAWS = 8  # batches
+_CHOICES = 8  # tasks among which the one that needs the chain most is taken
+_GOAL_DRAWS = 160
+_GOAL_KIND = "house"  # drawn from, if no goal is named
+_GOAL_FROM_LAST_M = (2.0, 15.0)  # from the goal's side
+_LEAST_SEEN = 0.08  # share of the goal's surface that the last robot sees
+_SURFACE_POINTS = 60
 _UNOCCLUDED = 0.9
-_FRAME = 1.1  # the goal's pictures are this much wider than the goal
+_FRAME = 1.1  # the goal's pictures are this much larger than the goal
 _RUN_UP_M = 6.0  # the way a robot drives to its place
 _TICK_S = 0.5
 
 
 @dataclass(frozen=True)
 class Task:
-    """Who stands where, and what the first robot is to find."""
+    """Who stands where (places), from where each drives there (starts), and the goal's name.
+
+    goal_poses: from where the goal's pictures are taken.
+    """
 
     places: Mapping[str, Pose]
     starts: Mapping[str, Pose]
     goal: str
+    goal_poses: tuple[Pose, ...]
 
 
 def draw_task(
@@ -56,44 +67,40 @@ def draw_task(
 ) -> Task:
     """A chain of robots, neighbours 5-8 m apart, whose last one alone sees the goal.
 
-    Neighbours see a landmark in common; not a pixel of the goal is in view of the others.
-    MissionError if no such place is found, or if there is no such robot or goal.
+    ``robot`` stands at the other end, with not a pixel of the goal in view. Neighbours see a
+    landmark in common. Of some such places the one is taken where the two ends have least in
+    common. MissionError if none is found, or if there is no such robot or goal.
     """
     names = robot_names(n_robots, robot)
-    _check_goal(scene, goal)
+    goals = _goal_ids(scene, goal)
     draws = generator(seed, "task")
+    tasks: list[tuple[int, Task]] = []
     for _ in range(_DRAWS):
-        places = _draw_chain(scene, draws, n_robots)
-        if places is None:
-            continue
-        seen = [truth.visibility(p, rig) for p in places]
-        candidates = seen[-1][
-            (seen[-1].azimuth_deg >= _GOAL_MIN_AZIMUTH_DEG)
-            & (seen[-1].range_m <= _GOAL_MAX_RANGE_M)
-        ]
-        hidden = [
-            int(i)
-            for i in candidates.index
-            if (scene.objects[i].name == goal if goal else scene.objects[i].kind in _GOAL_KINDS)
-            and not any(i in table.index for table in seen[:-1])
-        ]
-        neighbours = list(zip(places[:-1], places[1:], strict=True))
-        if not hidden or not all(co_visible(truth, a, b, rig) for a, b in neighbours):
-            continue
-        chosen = scene.objects[max(hidden, key=lambda i: candidates.azimuth_deg[i])].name
-        starts = [_run_up(scene, place, draws) for place in places]
-        if None in starts or len(goal_poses(scene, truth, chosen, seed)) < GOAL_PICTURES:
-            continue
-        return Task(
-            dict(zip(names, places, strict=True)),
-            {n: s for n, s in zip(names, starts, strict=True) if s is not None},
-            chosen,
-        )
+        for target, chain in _hidden_goals(scene, truth, goals, n_robots, draws):
+            places = [Pose(*map(float, (*xy, draws.uniform(-np.pi, np.pi)))) for xy in chain]
+            if target in truth.visibility(places[0], rig).index:
+                continue
+            if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
+                continue
+            starts = [start for place in places if (start := _run_up(scene, place, draws))]
+            poses = goal_poses(scene, truth, target, seed)
+            if len(starts) < n_robots or len(poses) < GOAL_PICTURES:
+                continue
+            task = Task(
+                dict(zip(names, places, strict=True)),
+                dict(zip(names, starts, strict=True)),
+                scene.objects[target].name,
+                tuple(poses),
+            )
+            tasks.append((len(co_visible(truth, places[0], places[-1], rig)), task))
+            if len(tasks) == _CHOICES:
+                break
+        if tasks:
+            return min(tasks, key=lambda t: t[0])[1]
     sought = f"the goal {goal!r}" if goal else "a goal"
     raise MissionError(
-        f"found no place in {_DRAWS} draws where the last of {n_robots} robots, "
-        f"{SPACING_M[0]:g}-{SPACING_M[1]:g} m apart, sees {sought} and the others do not: "
-        "try another goal, fewer robots or another seed"
+        f"found no place where the last of {n_robots} robots, {SPACING_M[0]:g}-{SPACING_M[1]:g} m "
+        f"apart, sees {sought} and the others do not: try another goal, fewer robots or another seed"
     )
 
 
@@ -107,27 +114,28 @@ def robot_names(n_robots: int, first: str = "R1") -> list[str]:
     return [first, *(n for n in names if n != first)]
 
 
-def goal_poses(scene: Scene, truth: GroundTruth, goal: str, seed: int) -> list[Pose]:
+def goal_poses(scene: Scene, truth: GroundTruth, target: int, seed: int) -> list[Pose]:
     """Up to four free poses, 6-15 m from an object's side, that look at it unoccluded."""
-    target = scene.index_of(goal)
-    alone = GroundTruth(Scene(goal, scene.extent_m, (scene.objects[target],)))
-    centre, half = scene.objects[target].bounds_m.mean(axis=0)[:2], None
-    half = np.ptp(scene.objects[target].bounds_m, axis=0)[:2].max() / 2
-    draws, found = generator(seed, "goal", goal), list[Pose]()
-    offset = draws.uniform(0, 2 * np.pi)
-    rig = CameraRig(n_views=1)
-    for attempt in range(160):
-        azimuth = offset + 2 * np.pi * (len(found) / GOAL_PICTURES) + draws.normal(0, 0.2 + attempt / 40)
-        range_m = draws.uniform(*GOAL_RANGE_M) + half
+    alone = GroundTruth(Scene("alone", scene.extent_m, (scene.objects[target],)))
+    bounds_m = scene.objects[target].bounds_m[:, :2]
+    centre, half_m = bounds_m.mean(axis=0), np.ptp(bounds_m, axis=0).max() / 2
+    draws = generator(seed, "goal", target)
+    offset_rad = draws.uniform(0, 2 * np.pi)
+    rig, found = CameraRig(n_views=1, field_of_view_deg=110.0), list[Pose]()
+    for attempt in range(_GOAL_DRAWS):
+        if len(found) == GOAL_PICTURES:
+            break
+        # evenly around the object at first, anywhere if that does not work
+        spread_rad = 0.2 + attempt / 40
+        azimuth = offset_rad + np.pi / 2 * len(found) + draws.normal(0, spread_rad)
+        range_m = draws.uniform(*GOAL_RANGE_M) + half_m
         x_m, y_m = centre + range_m * np.array([np.cos(azimuth), np.sin(azimuth)])
         pose = Pose(float(x_m), float(y_m), float(wrap_angle_rad(azimuth + np.pi)))
         if not scene.is_free([pose.xy_m])[0]:
             continue
         seen, whole = (t.visibility(pose, rig).area_deg2 for t in (truth, alone))
-        if target in seen.index and seen[target] >= _UNOCCLUDED * whole.get(0, np.inf):
+        if target in seen.index and seen[target] >= _UNOCCLUDED * whole[0]:
             found.append(pose)
-        if len(found) == GOAL_PICTURES:
-            break
     return found
 
 
@@ -141,11 +149,14 @@ def goal_pictures(
     corners = np.concatenate([s.vertices_m for s in scene.objects[scene.index_of(goal)].surfaces])
     pictures = []
     for pose in poses:
-        half_rad = max(abs(pose.bearing_to_rad(c)) for c in corners[:, :2])
-        half_rad = float(np.clip(_FRAME * half_rad, np.radians(3), np.radians(50)))
+        side_rad = max(abs(pose.bearing_to_rad(c)) for c in corners[:, :2])
+        rise_m = np.abs(corners[:, 2] - rig.camera_height_m)
+        slope = float((rise_m / np.linalg.norm(corners[:, :2] - pose.xy_m, axis=1)).max())
+        half_rad = float(np.clip(_FRAME * side_rad, np.radians(3), np.radians(50)))
         width_px = 2 * round(rig.focal_px * np.tan(half_rad))
+        height_px = min(rig.height_px, 2 * round(rig.focal_px * _FRAME * slope))
         field_deg = 2 * float(np.degrees(np.arctan(width_px / 2 / rig.focal_px)))
-        single = CameraRig(1, width_px, rig.height_px, field_deg, rig.camera_height_m)
+        single = CameraRig(1, width_px, height_px, field_deg, rig.camera_height_m)
         pictures.append(renderer.render(pose, single))
     return pictures
 
@@ -252,18 +263,54 @@ def _in_own_frame(start: Pose, place: Pose) -> NDArray[np.float64]:
     return distance_m * np.array([np.cos(bearing_rad), np.sin(bearing_rad)])
 
 
-def _draw_chain(scene: Scene, draws: np.random.Generator, n: int) -> list[Pose] | None:
-    half = np.array(scene.extent_m) / 2
-    points = [draws.uniform(-half, half)]
-    course = draws.uniform(-np.pi, np.pi)
-    for _ in range(n - 1):
-        course += draws.normal(0.0, 0.5)  # a chain leads somewhere, it does not curl up
-        step = draws.uniform(*SPACING_M) * np.array([np.cos(course), np.sin(course)])
-        points.append(points[-1] + step)
-    yaws = draws.uniform(-np.pi, np.pi, n)
-    if not scene.is_free(points, _CLEARANCE_M).all():
-        return None
-    return [Pose(float(x), float(y), float(yaw)) for (x, y), yaw in zip(points, yaws, strict=True)]
+def _hidden_goals(
+    scene: Scene, truth: GroundTruth, goals: list[int], n_robots: int, draws: np.random.Generator
+) -> Iterator[tuple[int, Points]]:
+    """Goals with chains of places, (n_robots, 2), whose last alone sees any of the goal."""
+    target = draws.choice(goals, _BATCH)
+    bounds = np.array([scene.objects[i].bounds_m[:, :2] for i in target])
+    half_m = np.ptp(bounds, axis=1).max(axis=1) / 2
+    course = draws.uniform(-np.pi, np.pi, _BATCH)
+    step_m = half_m + draws.uniform(*_GOAL_FROM_LAST_M, _BATCH)
+    chain = [bounds.mean(axis=1) + step_m[:, None] * _unit(course)]
+    for _ in range(n_robots - 1):
+        course = course + draws.normal(0.0, 1.0, _BATCH)  # away from the goal, round corners
+        chain.insert(0, chain[0] + draws.uniform(*SPACING_M, _BATCH)[:, None] * _unit(course))
+    places = np.stack(chain, axis=1)
+    free = scene.is_free(places.reshape(-1, 2), _CLEARANCE_M).reshape(-1, n_robots).all(axis=1)
+    target, places = target[free], places[free]
+    surface = {int(i): _surface_points(scene, int(i), draws) for i in np.unique(target)}
+    points = np.array([surface[int(i)] for i in target]).reshape(len(target), -1, 3)
+    shares = [_seen_share(truth, places[:, k], points, target) for k in range(n_robots)]
+    hidden = (np.array(shares[:-1]) == 0).all(axis=0) & (shares[-1] > _LEAST_SEEN)
+    for index in np.flatnonzero(hidden):
+        yield int(target[index]), places[index]
+
+
+def _surface_points(scene: Scene, target: int, draws: np.random.Generator) -> Points:
+    """Points all over an object, (_SURFACE_POINTS, 3)."""
+    triangles = np.concatenate(
+        [s.vertices_m[s.faces] for s in scene.objects[target].surfaces]
+    ).astype(float)
+    areas = np.linalg.norm(
+        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
+    )
+    chosen = draws.choice(len(triangles), _SURFACE_POINTS, p=areas / areas.sum())
+    weights = draws.dirichlet(np.ones(3), _SURFACE_POINTS)
+    return np.einsum("nij,ni->nj", triangles[chosen], weights)
+
+
+def _seen_share(
+    truth: GroundTruth, xy_m: Points, points_m: Points, target: NDArray[np.int64]
+) -> NDArray[np.float64]:
+    """Share of each target's points, (m, p, 3), seen from each place, (m, 2)."""
+    eye = np.insert(xy_m, 2, CameraRig().camera_height_m, axis=1)[:, None, :]
+    hit, distance = truth.cast(eye, points_m - eye)
+    return ((hit == target[:, None]) & (np.abs(distance - 1) < 0.01)).mean(axis=1)
+
+
+def _unit(angle_rad: NDArray[np.float64]) -> Points:
+    return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)
 
 
 def _run_up(scene: Scene, place: Pose, draws: np.random.Generator) -> Pose | None:
@@ -276,14 +323,18 @@ def _run_up(scene: Scene, place: Pose, draws: np.random.Generator) -> Pose | Non
     return None
 
 
-def _check_goal(scene: Scene, goal: str | None) -> None:
+def _goal_ids(scene: Scene, goal: str | None) -> list[int]:
     if goal is None:
-        return
+        drawn = [i for i, o in enumerate(scene.objects) if o.landmark and o.kind == _GOAL_KIND]
+        if not drawn:
+            raise MissionError(f"the scene has no {_GOAL_KIND} to draw as a goal: name a --goal")
+        return drawn
     try:
-        landmark = scene.objects[scene.index_of(goal)].landmark
+        target = scene.index_of(goal)
     except KeyError:
         raise MissionError(
             f"the scene has no object {goal!r}: see `vrchain scene info` for its objects"
         ) from None
-    if not landmark:
+    if not scene.objects[target].landmark:
         raise MissionError(f"{goal!r} is no landmark and cannot be a goal: choose a standing object")
+    return [target]

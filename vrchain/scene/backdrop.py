@@ -13,7 +13,8 @@ from vrchain.scene.streets import BEYOND_M
 
 _RADIUS_M = 400.0
 _LOWEST_RAD = np.radians(-6.0)
-HAZE_RGB = np.array([205.0, 219.0, 231.0])
+HAZE_RGB = (205, 219, 231)
+_HAZE = np.array(HAZE_RGB, dtype=float)
 
 
 def build_sky(light: Light, rng: np.random.Generator) -> Surface:
@@ -54,7 +55,7 @@ def _sky_picture(light: Light, rng: np.random.Generator, shape: textures.Shape) 
     tilt = _LOWEST_RAD + (np.pi / 2 - _LOWEST_RAD) * (1 - (np.arange(h) + 0.5) / h)
     up = np.clip(np.sin(tilt), 0, 1)[:, None]
     blue = np.array([92.0, 148.0, 215.0])
-    image = HAZE_RGB + (blue - HAZE_RGB) * (up**0.55)[..., None] * np.ones((1, w, 1))
+    image = _HAZE + (blue - _HAZE) * (up**0.55)[..., None] * np.ones((1, w, 1))
 
     size = 512
     puffs = textures.fractal(rng, (size, size), 90, 6, tile=True)
@@ -87,7 +88,7 @@ def _sky_picture(light: Light, rng: np.random.Generator, shape: textures.Shape) 
 def build_belt(
     extent_m: tuple[float, float], light: Light, rng: np.random.Generator
 ) -> SceneObject:
-    """Two rings of wood outside the map, the farther one taller and paler; no landmark, not solid."""
+    """Two rings of wood outside the map, the farther one taller and paler; no landmark."""
     surfaces = [
         _ring(extent_m, BEYOND_M - 22.0, (5.0, 10.0), 0.25, rng),
         _ring(extent_m, BEYOND_M - 2.0, (9.0, 16.0), 0.55, rng),
@@ -124,7 +125,7 @@ def _ring(
         rng, (96, 512), textures.hsv(rng.uniform(80, 110), 0.4, 0.42), 5.0
     ).astype(float)
     leaf *= np.linspace(1.1, 0.55, 96)[:, None, None]
-    texture = np.clip(leaf + haze * (HAZE_RGB - leaf), 0, 255).astype(np.uint8)
+    texture = np.clip(leaf + haze * (_HAZE - leaf), 0, 255).astype(np.uint8)
     shade = np.full(len(points), 0.95, dtype=np.float32)
     return Surface(
         points.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32), shade, texture

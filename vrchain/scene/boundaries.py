@@ -64,8 +64,8 @@ def _pickets(
     for z in (0.22 * height, 0.78 * height):
         model.add(box((-half, 0.0, z - 0.04), (half, 0.04, z + 0.04), bottom=True), rail)
     tones = [
-        model.patch(textures.wood(rng, (48, 8), tuple(k * c for c in rgb))) for k in (0.8, 0.9, 1.0)
-    ]  # type: ignore[arg-type]
+        model.patch(textures.wood(rng, (48, 8), textures.times(rgb, k))) for k in (0.8, 0.9, 1.0)
+    ]
     width = rng.uniform(0.07, 0.11)
     pitch = width * (rng.uniform(1.7, 2.4) if style == "picket" else 1.3)
     n = int((2 * half - 0.1) / pitch)

@@ -130,7 +130,7 @@ def bins(homesteads: Sequence[Homestead], rng: np.random.Generator) -> Groups:
 
 
 def boundaries(lots: Sequence[Lot], rng: np.random.Generator) -> Groups:
-    """Runs at the sides, backs and fronts of lots, low ones before the house: plan is (length, low)."""
+    """Runs at the sides, backs and fronts of lots, low ones in front: plan is (length, low)."""
     found = []
     for lot in lots:
         half, depth = lot.width_m / 2 - 0.25, lot.depth_m

@@ -51,11 +51,11 @@ def _extras(
     edge = max(3, round(0.12 * PX_PER_M))
     for x in (0, w - edge):
         cv2.rectangle(image, (x, 0), (x + edge, h), style.trim_rgb, -1)
-    cv2.line(image, (edge, 0), (edge, h), [0.4 * c for c in style.wall_rgb], 1)
-    cv2.line(image, (w - edge, 0), (w - edge, h), [0.4 * c for c in style.wall_rgb], 1)
+    cv2.line(image, (edge, 0), (edge, h), textures.times(style.wall_rgb, 0.4), 1)
+    cv2.line(image, (w - edge, 0), (w - edge, h), textures.times(style.wall_rgb, 0.4), 1)
     if rng.random() < 0.4:
         x = edge + 6 if rng.random() < 0.5 else w - edge - 8
-        cv2.rectangle(image, (x, 0), (x + 3, h), [0.5 * c for c in style.trim_rgb], -1)
+        cv2.rectangle(image, (x, 0), (x + 3, h), textures.times(style.trim_rgb, 0.5), -1)
     taken = np.zeros(w, dtype=bool)
     for o in openings:
         left, right = ((o.x_m + s * (o.width_m / 2 + 0.5)) * PX_PER_M for s in (-1, 1))

@@ -1,4 +1,4 @@
-"""The ground, cut into polygons that do not overlap: grass, roads, pavements, markings, driveways."""
+"""The ground, cut into polygons that do not overlap: grass, road, pavement, marking, driveway."""
 
 from collections.abc import Iterator
 
@@ -155,7 +155,7 @@ def _markings(streets: Streets) -> Iterator[shapely.Geometry]:
                 for aside in np.arange(-streets.width_m / 2 + 0.5, streets.width_m / 2 - 0.3, 0.95):
                     yield _strip(street, min(near, far), max(near, far), float(aside), 0.22)
                 stop = far + sign * 0.6
-                # Traffic keeps right: it comes on the left of the line where it leaves the junction.
+                # Traffic keeps right: before a junction the line lies across the right-hand lane.
                 yield _strip(
                     street,
                     stop - 0.15,

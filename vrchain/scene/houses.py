@@ -15,6 +15,7 @@ from vrchain.scene.openings import Opening
 from vrchain.scene.shapes import Model, Part, box, polygon, wall
 
 _PORCH_ROOF_M = 2.35
+_Intervals = list[tuple[float, float]]
 
 
 class _House:
@@ -29,7 +30,9 @@ class _House:
         self.roof_rgb = textures.hsv(hue + rng.uniform(-8, 8), saturation, rng.uniform(0.3, 0.65))
         self.roofing = textures.metal_sheet if rng.random() < 0.12 else textures.shingles
         self.trim = self.model.patch(textures.plain(rng, self.style.trim_rgb))
-        self.soffit = self.model.patch(textures.plain(rng, [0.75 * c for c in self.style.trim_rgb]))  # type: ignore[arg-type]
+        self.soffit = self.model.patch(
+            textures.plain(rng, textures.times(self.style.trim_rgb, 0.75))
+        )
 
     def wall(
         self,
@@ -113,29 +116,16 @@ def _main_block(house: _House) -> None:
     gable = {"gable_x": ("", "rl"), "gable_y": ("", "fb"), "hip": ("", "")}[plan.roof][1]
     rise = plan.pitch * (r.depth_m if plan.roof == "gable_x" else r.width_m) / 2
     door = Opening("door", plan.door_x_m - r.x0, 0.15, 0.95, 2.05)
-    taken = [(door.x_m - 0.9, door.x_m + 1.3)]
+    in_front = [(door.x_m - 0.9, door.x_m + 1.3)]
     if plan.wing:
-        taken.append((plan.wing.x0 - r.x0, plan.wing.x1 - r.x0))
-    covered = {1: [(0.0, plan.garage.y1 - r.y0)]} if plan.garage_side == 1 and plan.garage else {}
-    if plan.garage_side == -1 and plan.garage:
-        covered = {-1: [(r.y1 - plan.garage.y1, r.y1 - r.y0)]}
-    if plan.chimney:
-        right = plan.chimney.x0 > 0
-        a, b = plan.chimney.y0 - r.y0, plan.chimney.y1 - r.y0
-        covered = {1: [(a, b)]} if right else {-1: [(r.depth_m - b, r.depth_m - a)]}
+        in_front.append((plan.wing.x0 - r.x0, plan.wing.x1 - r.x0))
+    left, right = _covered_sides(plan)
+    w, d, n = r.width_m, r.depth_m, plan.storeys
     sides = {
-        "f": ((r.x0, r.y0), (r.x1, r.y0), [door, *_windows(house, r.width_m, plan.storeys, taken)]),
-        "r": (
-            (r.x1, r.y0),
-            (r.x1, r.y1),
-            _windows(house, r.depth_m, plan.storeys, covered.get(1, ()), 0.6),
-        ),
-        "b": ((r.x1, r.y1), (r.x0, r.y1), _windows(house, r.width_m, plan.storeys)),
-        "l": (
-            (r.x0, r.y1),
-            (r.x0, r.y0),
-            _windows(house, r.depth_m, plan.storeys, covered.get(-1, ()), 0.6),
-        ),
+        "f": ((r.x0, r.y0), (r.x1, r.y0), [door, *_windows(house, w, n, in_front)]),
+        "r": ((r.x1, r.y0), (r.x1, r.y1), _windows(house, d, n, right, 0.6)),
+        "b": ((r.x1, r.y1), (r.x0, r.y1), _windows(house, w, n)),
+        "l": ((r.x0, r.y1), (r.x0, r.y0), _windows(house, d, n, left, 0.6)),
     }
     for side, (a, b, openings) in sides.items():
         if side in gable:
@@ -146,6 +136,21 @@ def _main_block(house: _House) -> None:
         else:
             house.wall(a, b, 0.0, top, openings)
     house.roof(plan.roof, r, top)
+
+
+def _covered_sides(plan: HousePlan) -> tuple[_Intervals, _Intervals]:
+    """What a garage or chimney hides of the left and of the right wall, from each wall's left."""
+    left: _Intervals = []
+    right: _Intervals = []
+    for part in (plan.garage, plan.chimney):
+        if part is None:
+            continue
+        low, high = part.y0 - plan.main.y0, part.y1 - plan.main.y0
+        if part.x0 > plan.main.x0:
+            right.append((low, high))
+        else:
+            left.append((plan.main.depth_m - high, plan.main.depth_m - low))
+    return left, right
 
 
 def _garage(house: _House, r: Rect) -> None:

@@ -1,4 +1,4 @@
-"""Light baked into shades: the sun on every face, and the shadows that things cast on the ground."""
+"""Light baked into shades: the sun on every face, and the shadows of things on the ground."""
 
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
@@ -53,7 +53,7 @@ def _lit_surface(surface: Surface, light: Light) -> Surface:
 
 
 def shadows(objects: Iterable[SceneObject], light: Light) -> shapely.Geometry:
-    """The ground in the shadow of things: the union of their parts' outlines along the sun's rays."""
+    """The ground in the shadow of things: their parts' outlines along the sun's rays, joined."""
     slide = light.direction[:2] / light.direction[2]
     outlines = []
     for obj in objects:
@@ -66,7 +66,7 @@ def shadows(objects: Iterable[SceneObject], light: Light) -> shapely.Geometry:
             part = _parts(surface)
             members = np.split(np.argsort(part, kind="stable"), np.cumsum(np.bincount(part))[:-1])
             outlines += [shapely.MultiPoint(ground[m]).convex_hull for m in members if len(m) > 3]
-    areas = [o for o in outlines if o.geom_type == "Polygon"]
+    areas = [o for o in outlines if o.area > 0.15]
     return shapely.union_all(areas) if areas else shapely.Polygon()
 
 

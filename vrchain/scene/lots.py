@@ -20,7 +20,7 @@ DRIVEWAY_M = 2.7
 
 @dataclass(frozen=True, eq=False)
 class Lot:
-    """A rectangle of land. Its own frame: u along the street, v away from it, the front at v = 0."""
+    """A rectangle of land. Its frame: u along the street, v away from it, the front at v = 0."""
 
     front_xy_m: NDArray[np.float64]
     yaw_rad: float
@@ -122,7 +122,7 @@ def draw_lots(
 
 
 def settle(lot: Lot, plan: HousePlan, setback_m: float, rng: np.random.Generator) -> Homestead:
-    """The house on its lot: set back, to one side if there is no garage, so that a car fits beside."""
+    """The house on its lot, set back; without a garage to one side, so that a car fits beside."""
     width, depth = plan.size_m
     room = lot.width_m / 2 - width / 2 - _SIDE_M
     side = plan.garage_side or int(rng.choice([-1, 1]))

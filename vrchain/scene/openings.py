@@ -37,7 +37,7 @@ def _window(rng: np.random.Generator, image: Image, style: Style, box: _Box) -> 
     w, h = x1 - x0, y1 - y0
     trim = style.trim_rgb
     frame = max(2, round(0.09 * PX_PER_M))
-    dark = [0.35 * c for c in style.wall_rgb]
+    dark = textures.times(style.wall_rgb, 0.35)
     if style.shutters:
         leaf = max(4, w // 3)
         for left in (x0 - frame - leaf, x1 + frame):
@@ -47,11 +47,11 @@ def _window(rng: np.random.Generator, image: Image, style: Style, box: _Box) -> 
                     image,
                     (left + 2, y),
                     (left + leaf - 2, y),
-                    [0.6 * c for c in style.shutter_rgb],
+                    textures.times(style.shutter_rgb, 0.6),
                     1,
                 )
             cv2.rectangle(
-                image, (left, y0), (left + leaf, y1), [0.5 * c for c in style.shutter_rgb], 1
+                image, (left, y0), (left + leaf, y1), textures.times(style.shutter_rgb, 0.5), 1
             )
     cv2.rectangle(
         image, (x0 - frame - 1, y0 - frame - 1), (x1 + frame + 1, y1 + frame + 1), dark, 1
@@ -77,7 +77,7 @@ def _window(rng: np.random.Generator, image: Image, style: Style, box: _Box) -> 
         image,
         (x0 - 2 * frame, sill),
         (x1 + 2 * frame, sill + 2),
-        [min(255, 1.1 * c) for c in trim],
+        textures.times(trim, 1.1),
         -1,
     )
     cv2.line(image, (x0 - 2 * frame, sill + 3), (x1 + 2 * frame, sill + 3), dark, 1)
@@ -130,7 +130,7 @@ def _door(rng: np.random.Generator, image: Image, style: Style, box: _Box) -> No
     frame = max(3, round(0.11 * PX_PER_M))
     cv2.rectangle(image, (x0 - frame, y0 - frame), (x1 + frame, y1), style.trim_rgb, -1)
     image[y0:y1, x0:x1] = textures.wood(rng, (h, w), style.door_rgb)
-    dark, light = [0.55 * c for c in style.door_rgb], [min(255, 1.35 * c) for c in style.door_rgb]
+    dark, light = textures.times(style.door_rgb, 0.55), textures.times(style.door_rgb, 1.35)
     across, up = int(rng.integers(1, 3)), int(rng.integers(2, 4))
     glazed = rng.random() < 0.6
     for i in range(across):
@@ -164,14 +164,14 @@ def _garage_door(rng: np.random.Generator, image: Image, style: Style, box: _Box
     cv2.rectangle(image, (x0 - frame, y0 - frame), (x1 + frame, y1), style.trim_rgb, -1)
     image[y0:y1, x0:x1] = textures.plain(rng, base, (y1 - y0, x1 - x0))
     rows, cols = int(rng.integers(3, 6)), int(rng.integers(3, 7))
-    dark = [0.6 * c for c in base]
+    dark = textures.times(base, 0.6)
     glass_row = int(rng.integers(-2, 2))
     for r in range(rows):
         top, bottom = y0 + r * (y1 - y0) // rows, y0 + (r + 1) * (y1 - y0) // rows
-        cv2.line(image, (x0, bottom), (x1, bottom), [0.4 * c for c in base], 1)
+        cv2.line(image, (x0, bottom), (x1, bottom), textures.times(base, 0.4), 1)
         for c in range(cols):
             left, right = x0 + c * (x1 - x0) // cols + 3, x0 + (c + 1) * (x1 - x0) // cols - 3
             if r == glass_row:
                 cv2.rectangle(image, (left, top + 4), (right, bottom - 4), (65, 80, 95), -1)
             cv2.rectangle(image, (left, top + 4), (right, bottom - 4), dark, 1)
-    cv2.rectangle(image, (x0, y0), (x1, y1), [0.4 * c for c in base], 1)
+    cv2.rectangle(image, (x0, y0), (x1, y1), textures.times(base, 0.4), 1)

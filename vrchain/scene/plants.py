@@ -110,7 +110,7 @@ def _lump(
     floor: float,
     n: int = 8,
 ) -> None:
-    """A leafy lump, darker below, with tufts that break its outline; nothing hangs below ``floor``."""
+    """A leafy lump, darker below, with tufts that break its outline; all above ``floor``."""
     part = blob(centre, radii, _bumps(rng, 0.12), n=n, rings=n // 2 + 2)
     part.points[:, 2] = np.maximum(part.points[:, 2], floor)
     part.uv[:, 0] *= rng.uniform(0.55, 1.0)

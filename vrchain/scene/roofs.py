@@ -24,7 +24,7 @@ class Roof:
 def slab(corners: ArrayLike, thick_m: float = _THICK_M) -> Roof:
     """One sloping board, corners (4, 3) anticlockwise from above, the lower edge first."""
     low = np.asarray(corners, dtype=float)
-    high = low + (0, 0, thick_m)
+    high = low + np.array([0, 0, thick_m])
     edges = [
         polygon([low[i], low[j], high[j], high[i]]) for i, j in ((0, 1), (1, 2), (2, 3), (3, 0))
     ]

@@ -21,7 +21,7 @@ _MARGIN_PX = 4  # a patch's rim is repeated around it, so that small mip levels 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """points: (n, 3) float, m; faces: (k, 3) int, anticlockwise from outside; uv: (n, 2) in 0..1."""
+    """points: (n, 3) m; faces: (k, 3) indices, anticlockwise from outside; uv: (n, 2) in 0..1."""
 
     points: NDArray[np.float64]
     faces: NDArray[np.int64]
@@ -43,7 +43,7 @@ def join(parts: Sequence[Part]) -> Part:
 
 
 def polygon(corners: ArrayLike, uv: ArrayLike | None = None) -> Part:
-    """A flat convex polygon, corners (n, 3) anticlockwise from outside; four default to a whole patch."""
+    """A convex polygon, corners (n, 3) anticlockwise from outside; four show the whole patch."""
     points = np.asarray(corners, dtype=float)
     n = len(points)
     fan = np.array([(0, i, i + 1) for i in range(1, n - 1)])
@@ -174,7 +174,7 @@ class Model:
 
 
 def _pack(patches: Sequence[Image]) -> tuple[Image, NDArray[np.int64], NDArray[np.int64]]:
-    """Pictures in rows, tallest first: the sheet, and each picture's corner and size (x, y) in px."""
+    """Pictures on one sheet: the sheet, and each picture's corner and size (x, y) in px."""
     size = np.array([(p.shape[1], p.shape[0]) for p in patches])
     padded = size + 2 * _MARGIN_PX
     least = int(padded[:, 0].max())

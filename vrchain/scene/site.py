@@ -16,7 +16,7 @@ GAP_M = 1.0  # between any two solid things; a robot is 0.8 m wide
 
 @dataclass(frozen=True)
 class Placement:
-    """A thing to build: ``plan`` is what its kind's builder takes, ``index`` counts its kind from 1."""
+    """A thing to build: ``plan`` is what its builder takes, ``index`` counts its kind from 1."""
 
     name: str
     kind: str

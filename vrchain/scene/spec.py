@@ -4,7 +4,6 @@ A field's allowed range stands beside its default, and error messages quote it.
 """
 
 import math
-import types
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -181,8 +180,8 @@ def _value(spec_field: "Field[Any]", hint: Any, value: Any, key: str) -> Any:
 
 def _number(value: Any, kind: type, low: float, high: float, key: str) -> Any:
     word = "a whole number" if kind is int else "a number"
-    accepted: type | types.UnionType = int if kind is int else int | float
-    if isinstance(value, bool) or not isinstance(value, accepted):
+    accepted = (int,) if kind is int else (int, float)
+    if type(value) not in accepted:  # a bool is an int to isinstance
         raise SpecError(f"{key}: expected {word} in {low:g}..{high:g}, got {value!r}")
     if not math.isfinite(value) or not low <= value <= high:
         raise SpecError(f"{key}: {value!r} is not allowed, give {word} in {low:g}..{high:g}")

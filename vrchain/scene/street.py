@@ -145,7 +145,7 @@ def sign(rng: np.random.Generator) -> _Surfaces:
     flat = np.column_stack([corners[:, 0], np.full(len(corners), -0.06), z + corners[:, 1]])
     uv = 0.5 + 0.5 * corners / (half_w, half_h)
     model.add(polygon(flat, uv), model.patch(face))
-    model.add(polygon((flat + (0, 0.02, 0))[::-1], uv[::-1]), back)
+    model.add(polygon((flat + np.array([0, 0.02, 0]))[::-1], uv[::-1]), back)
     return (model.surface(),)
 
 
@@ -225,7 +225,7 @@ def mailbox(rng: np.random.Generator) -> _Surfaces:
     low, high = (-w, -depth, base), (w, depth, base + h)
     model.add(box(low, high, sides="lr", top=False), model.patch(side))
     model.add(box(low, high, sides="fb", top=False, bottom=True), model.patch(front))
-    paint = model.patch(textures.plain(rng, [0.9 * c for c in rgb], (16, 16)))  # type: ignore[arg-type]
+    paint = model.patch(textures.plain(rng, textures.times(rgb, 0.9), (16, 16)))
     turn = np.linspace(0, np.pi, 7)
     profile = np.stack([w * np.cos(turn), base + h + 0.75 * w * np.sin(turn)], axis=1)
     strips = [
@@ -256,7 +256,7 @@ def wheelie_bin(rng: np.random.Generator) -> _Surfaces:
     )
     image = textures.plain(rng, rgb, (64, 40), 0.06)
     for y in (8, 52):
-        cv2.line(image, (0, y), (40, y), [0.6 * c for c in rgb], 2)
+        cv2.line(image, (0, y), (40, y), textures.times(rgb, 0.6), 2)
     sticker = _poster(rng, (18, 22))
     image[16:34, 9:31] = sticker
     cv2.putText(

@@ -26,7 +26,7 @@ class Street:
     on_map_m: tuple[float, float]  # where along the line the map begins and ends
 
     def at(self, along_m: float, aside_m: float = 0.0) -> tuple[NDArray[np.float64], float]:
-        """The point ``along_m`` the line and ``aside_m`` to its left, (2,), and the heading there."""
+        """The point ``along_m`` the line, ``aside_m`` to its left, (2,), and the heading there."""
         a, b = (self.line.interpolate(along_m + d) for d in (-0.5, 0.5))
         heading = float(np.arctan2(b.y - a.y, b.x - a.x))
         middle = np.array([(a.x + b.x) / 2, (a.y + b.y) / 2])
@@ -92,8 +92,8 @@ def draw_streets(spec: SceneSpec, rng: np.random.Generator) -> Streets:
             places -= places[np.argmin(np.abs(places))]
         else:
             places += rng.uniform(-3, 3, n)
-        reach = along / 2 + BEYOND_M
-        t = np.arange(-reach, reach + 1.0, 4.0)
+        reach = along / 2 + BEYOND_M + 4.0  # a little over the edge, where the ground is cut
+        t = np.arange(-reach, reach + 4.0, 4.0)
         for k, place in enumerate(places):
             wave = 2 * np.pi / (rng.uniform(1.0, 1.5) * max(along, 120.0))
             phase = rng.uniform(0, 2 * np.pi)

@@ -1,4 +1,4 @@
-"""A suburb from its spec: the layout, then every object built by its kind, then light and ground."""
+"""A suburb from its spec: the layout, every object built by its kind, then light and ground."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,8 +18,8 @@ _BUILDERS: dict[str, _Builder] = {
     "house": lambda p, rng: houses.build(p.plan, rng, p.index),
     "tree": lambda p, rng: plants.build_tree(p.plan, rng),
     "vehicle": lambda p, rng: vehicles.build(p.plan, rng),
-    "fence": lambda p, rng: boundaries.build_fence(*p.plan, rng),
-    "wall": lambda p, rng: boundaries.build_wall(*p.plan, rng),
+    "fence": lambda p, rng: boundaries.build_fence(p.plan[0], p.plan[1], rng),
+    "wall": lambda p, rng: boundaries.build_wall(p.plan[0], p.plan[1], rng),
     "hedge": lambda p, rng: plants.build_hedge(p.plan[0], 0.8 if p.plan[1] else 1.4, rng),
     "bush": lambda p, rng: plants.build_bush(p.plan, rng),
     "lamp": lambda p, rng: street.lamp(rng),
@@ -48,8 +48,7 @@ def build_scene(spec: SceneSpec) -> Scene:
     )
     belt = backdrop.build_belt(spec.extent_m, sun, seeding.generator(spec.seed, "backdrop"))
     sky = backdrop.build_sky(sun, seeding.generator(spec.seed, "sky"))
-    haze = tuple(int(c) for c in backdrop.HAZE_RGB)
-    return Scene(spec.name, spec.extent_m, (*objects, *floor, belt), sky, haze)  # type: ignore[arg-type]
+    return Scene(spec.name, spec.extent_m, (*objects, *floor, belt), sky, backdrop.HAZE_RGB)
 
 
 def _built(seed: int, placement: Placement) -> SceneObject:

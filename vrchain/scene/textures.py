@@ -28,6 +28,12 @@ def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
     return 255 * r, 255 * g, 255 * b
 
 
+def times(colour: Colour, factor: float) -> Colour:
+    """A darker or lighter colour, white at most."""
+    r, g, b = (min(255.0, factor * c) for c in colour)
+    return r, g, b
+
+
 def noise(rng: np.random.Generator, shape: Shape, cell_px: float, *, tile: bool = False) -> Field:
     """Smooth noise of mean 0 and deviation about 1, features of ``cell_px``; (h, w) float32."""
     h, w = shape
@@ -75,7 +81,7 @@ def plain(
 def _cells(
     rng: np.random.Generator, shape: Shape, cell_h: float, cell_w: float, stagger: float
 ) -> tuple[Field, Field, Field, Field]:
-    """Courses of units: brightness draw and warmth draw of each unit, and (dy, dx) in px inside it."""
+    """Courses of units: draws of brightness and warmth of each, and (dy, dx) in px inside it."""
     h, w = shape
     y = np.arange(h, dtype=np.float32)[::-1, None] + np.float32(
         0.5
@@ -143,7 +149,7 @@ def plaster(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: floa
         start = rng.uniform([0, 0], [w, h])
         steps = rng.normal(0, 0.14 * px_per_m, (7, 2)) + rng.normal(0, 0.1 * px_per_m, 2)
         line = (start + np.cumsum(steps, axis=0)).astype(np.int32)
-        cv2.polylines(image, [line], False, [0.62 * c for c in base], 1, cv2.LINE_AA)
+        cv2.polylines(image, [line], False, times(base, 0.62), 1, cv2.LINE_AA)
     return image
 
 
@@ -221,17 +227,17 @@ def metal_sheet(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: 
 def wood(rng: np.random.Generator, shape: Shape, base: Colour, along_x: bool = False) -> Image:
     """Grain along y (or x) and a few knots."""
     h, w = shape
-    grain = rng.standard_normal(shape, dtype=np.float32)
-    grain = cv2.blur(grain, (25, 1) if along_x else (1, 25)) * 4
+    white = rng.standard_normal(shape, dtype=np.float32)
+    grain: Field = cv2.blur(white, (25, 1) if along_x else (1, 25)) * np.float32(4)
     image = coloured(base, 0.16 * grain + 0.08 * fractal(rng, shape, 20, 3), 6 * grain)
     for _ in range(rng.poisson(h * w / 2500)):
         centre = (int(rng.integers(w)), int(rng.integers(h)))
-        cv2.ellipse(image, centre, (2, 3), 0, 0, 360, [0.5 * c for c in base], -1, cv2.LINE_AA)
+        cv2.ellipse(image, centre, (2, 3), 0, 0, 360, times(base, 0.5), -1, cv2.LINE_AA)
     return image
 
 
 def leaves(rng: np.random.Generator, shape: Shape, base: Colour, leaf_px: float) -> Image:
-    """Foliage: leaves ``leaf_px`` long strewn over dark gaps, later ones lighter; tiles sideways."""
+    """Foliage: leaves ``leaf_px`` long strewn over dark gaps, later ones lighter; tiles in x."""
     h, w = shape
     clumps = fractal(rng, shape, 8 * leaf_px, 3, tile=True)
     gaps = np.float32(-0.55) + 0.1 * noise(rng, shape, 2, tile=True)
@@ -263,8 +269,8 @@ def _leaf_stamps(leaf_px: float) -> list[NDArray[np.int64]]:
 def bark(rng: np.random.Generator, shape: Shape, base: Colour) -> Image:
     """Upright ridges, tileable sideways."""
     h, w = shape
-    ridges = noise(rng, (max(2, h // 8), w), 3, tile=True)
-    ridges = cv2.resize(ridges, (w, h), interpolation=cv2.INTER_LINEAR)
+    short = noise(rng, (max(2, h // 8), w), 3, tile=True)
+    ridges = cv2.resize(short, (w, h), interpolation=cv2.INTER_LINEAR)
     return coloured(base, 0.25 * ridges + 0.12 * noise(rng, shape, 2, tile=True))
 
 
@@ -286,13 +292,12 @@ def paving(rng: np.random.Generator, base: Colour, slab_px: int, size_px: int = 
     """Tileable slabs; ``size_px`` is rounded to whole slabs."""
     n = max(1, round(size_px / slab_px))
     shape = (n * slab_px, n * slab_px)
-    value = np.kron(
-        rng.standard_normal((n, n)).astype(np.float32), np.ones((slab_px, slab_px), np.float32)
-    )
+    draws = rng.standard_normal((n, n), dtype=np.float32)
+    value: Field = draws.repeat(slab_px, axis=0).repeat(slab_px, axis=1)
     y, x = np.indices(shape) % slab_px
     light = (
         0.05 * value
         + 0.05 * noise(rng, shape, 1.5, tile=True)
         + 0.04 * fractal(rng, shape, 50, 3, tile=True)
     )
-    return coloured(base, light - 0.3 * ((x < 2) | (y < 2)), 3 * value)
+    return coloured(base, light - 0.3 * ((x < 2) | (y < 2)), np.float32(3) * value)

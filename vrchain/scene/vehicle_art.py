@@ -31,7 +31,7 @@ def side(plan: VehiclePlan, rng: np.random.Generator, rgb: Colour) -> Image:
         return round(fraction * w), round(h - z * px)
 
     screen, front, rear, back = plan.cabin
-    dark = [0.45 * c for c in rgb]
+    dark = textures.times(rgb, 0.45)
     top, foot = plan.roof_m - 0.1, plan.belt_m + 0.04
     pillars = {
         "car": [0.44],

@@ -54,7 +54,7 @@ def build(plan: VehiclePlan, rng: np.random.Generator) -> tuple[Surface, ...]:
 
 
 def _outline(plan: VehiclePlan) -> tuple[list[tuple[float, float]], NDArray[np.float64]]:
-    """Side outline (x, z) from the front's foot over the roof to the rear, and each point's inset."""
+    """Side outline (x, z) from the front's foot over the roof to the rear, and its insets."""
     length = plan.length_m
     screen, front, rear, back = ((c - 0.5) * length for c in plan.cabin)
     nose = length / 2
