@@ -65,7 +65,7 @@ def test_defaults_are_within_their_own_ranges() -> None:
         ("houses: 30", ["houses", "keys and values", "30"]),
         ("houses: [1, 2]", ["houses", "keys and values"]),
         ("houses: {setback_m: [7, 5]}", ["houses.setback_m", "smaller number first"]),
-        ("houses: {setback_m: 5}", ["houses.setback_m", "list of 2", "4..15"]),
+        ("houses: {setback_m: 5}", ["houses.setback_m", "list of 2", "4..8"]),
         ("extent_m: [130, -180]", ["extent_m", "-180", "60..600"]),
         ("extent_m: [130]", ["extent_m", "list of 2"]),
         ("extent_m: [130, .nan]", ["extent_m", "nan", "60..600"]),
@@ -78,7 +78,10 @@ def test_defaults_are_within_their_own_ranges() -> None:
         ("name: ''", ["name"]),
         ("3: 4", ["'3'", "extent_m"]),
         ("extent_m: [60, 60]\nhouses: {count: 100}", ["houses.count", "100", "0..12"]),
-        ("extent_m: [60, 60]\nhouses: {count: 0}\ntrees: {count: 2000}", ["trees.count", "2000", "3600 m2"]),
+        (
+            "extent_m: [60, 60]\nhouses: {count: 0}\ntrees: {count: 2000}",
+            ["trees.count", "2000", "3600 m2"],
+        ),
     ],
 )
 def test_a_bad_value_is_named_with_what_is_allowed(

@@ -1,6 +1,6 @@
 """How many common landmarks two robots find, how many of them are right, and how well placed."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -10,12 +10,16 @@ from vrchain.errors import MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import MatchConfig, compare
 from vrchain.landmarks.quality import co_visible, judge
-from vrchain.landmarks.sift import extract
+from vrchain.landmarks.sift import Features, extract
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
 from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
+
+_PAIR = ["pair", "spacing_m", "co_visible"]
+_CLAIM = ["score", "right", "duplicate", "twin", "quality_m", "support", "object"]
+_COLUMNS = [*_PAIR, *_CLAIM]
 
 
 def landmark_pairs(
@@ -27,21 +31,39 @@ def landmark_pairs(
     rig: CameraRig | None = None,
     config: MatchConfig | None = None,
 ) -> pd.DataFrame:
-    """Claims of common landmarks for random pairs of poses, one row a claim.
-
-    Columns: pair, spacing_m, co_visible (landmarks both poses see, by truth), score, right, twin,
-    quality_m, support, object. A pair without a claim has one row with NaN for all of these.
-    """
+    """Claims of common landmarks for random pairs of poses: see ``claims_of``."""
     rig = rig or CameraRig()
-    renderer, truth = Renderer(scene), GroundTruth(scene)
+    renderer = Renderer(scene)
+    looks = (
+        (poses, tuple(extract(renderer.render(pose, rig)) for pose in poses))
+        for poses in draw_pairs(scene, n_pairs, spacing_m, seed)
+    )
+    return claims_of(tqdm(looks, total=n_pairs, desc="pairs", unit="", disable=None), scene, rig, config)
+
+
+def claims_of(
+    looks: Iterable[tuple[tuple[Pose, Pose], tuple[Features, ...]]],
+    scene: Scene,
+    rig: CameraRig,
+    config: MatchConfig | None = None,
+) -> pd.DataFrame:
+    """Claims of common landmarks for pairs of true poses and what was seen there, one row a claim.
+
+    Columns: pair, spacing_m, co_visible (landmarks both poses see, by truth), score, right,
+    duplicate, twin, quality_m, support, object. A pair without a claim has one row, NaN from score
+    on.
+    """
+    truth = GroundTruth(scene)
     rows = []
-    pairs = draw_pairs(scene, n_pairs, spacing_m, seed)
-    for number, poses in enumerate(tqdm(pairs, total=n_pairs, desc="pairs", unit="", disable=None)):
-        features = tuple(extract(renderer.render(pose, rig)) for pose in poses)
-        comparison = compare(*features, rig, config)
-        shared = len(co_visible(truth, *poses, rig))
-        pair = {"pair": number, "spacing_m": poses[0].distance_to_m(poses[1].xy_m), "co_visible": shared}
-        verdicts = judge(comparison, truth, poses, features, rig)
+    for number, (poses, (a, b)) in enumerate(looks):
+        comparison = compare(a, b, rig, config)
+        spacing_m = poses[0].distance_to_m(poses[1].xy_m)
+        pair = {
+            "pair": number,
+            "spacing_m": spacing_m,
+            "co_visible": len(co_visible(truth, *poses, rig)),
+        }
+        verdicts = judge(comparison, truth, poses, (a, b), rig)
         for claim, verdict in zip(comparison.common, verdicts, strict=True):
             rows.append(
                 pair
@@ -57,7 +79,7 @@ def landmark_pairs(
             )
         if not verdicts:
             rows.append(pair)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=_COLUMNS)
 
 
 def summarise(claims: pd.DataFrame) -> dict[str, float]:

@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 from tqdm.auto import tqdm
 
@@ -18,7 +19,8 @@ from vrchain.seeding import generator
 from vrchain.simulator import Simulator
 
 _TICK_S = 0.5
-_START_SPACING_M = 8.0
+_START_SPACING_M = (8.0, 20.0)  # a team starts within sight of each other
+_DRAWS = 200
 _CLEARANCE_M = 2.0
 _MAX_TICKS_A_POSITION = 400
 
@@ -33,11 +35,15 @@ def survey(
     rig: CameraRig | None = None,
     rules: UpdateRules | None = None,
 ) -> pd.DataFrame:
-    """Drive until the ledger holds ``n_positions`` transactions of ``robots``.
+    """Drive until the ledger holds ``n_positions`` transactions, as many of each robot.
 
-    One row a position, in the order of the ledger: see ``team.Publication``. MissionError if the
-    robots get nowhere.
+    A robot that has published its share stands still. One row a position, in the order of the
+    ledger: see ``team.Publication``. MissionError if the robots get nowhere, or if the positions
+    cannot be shared out evenly.
     """
+    share, rest = divmod(n_positions, len(robots))
+    if rest or share < 1:
+        raise MissionError(f"{n_positions} positions cannot be shared out to {len(robots)} robots")
     simulator = Simulator(scene, start_poses(scene, robots, seed), seed=seed, rig=rig)
     members = {name: simulated_key(seed, name).public for name in robots}
     draws = {name: generator(seed, "wander", name) for name in robots}
@@ -52,28 +58,40 @@ def survey(
             commands = {}
             for name, robot in team.items():
                 before = len(robot.publications)
+                if before == share:
+                    continue
                 seen = robot.watch()
                 for publication in robot.publications[before:]:
                     rows.append(asdict(publication))
                     progress.update()
-                if len(rows) == n_positions:
-                    return pd.DataFrame(rows)
                 commands[name], minds[name] = wander(seen, draws[name], minds[name])
+            if len(rows) == n_positions:
+                return pd.DataFrame(rows)
             simulator.step(commands, _TICK_S)
     raise MissionError(f"only {len(rows)} of {n_positions} positions were reached: no way on")
 
 
 def start_poses(scene: Scene, robots: Sequence[str], seed: int) -> dict[str, Pose]:
-    """Free places for robots, 8 m and more apart; MissionError if the scene has no room."""
+    """Free places for a team: 8 m and more apart, none over 20 m from the first robot.
+
+    MissionError if the scene has no room.
+    """
     draws = generator(seed, "survey")
-    half = [e / 2 for e in scene.extent_m]
-    poses: dict[str, Pose] = {}
-    for _ in range(10_000):
-        x_m, y_m = (float(draws.uniform(-h, h)) for h in half)
-        pose = Pose(x_m, y_m, float(draws.uniform(-3.14, 3.14)))
-        apart = all(pose.distance_to_m(p.xy_m) >= _START_SPACING_M for p in poses.values())
-        if apart and scene.is_free([pose.xy_m], _CLEARANCE_M)[0]:
-            poses[robots[len(poses)]] = pose
-        if len(poses) == len(robots):
-            return poses
-    raise MissionError(f"the scene has no room for {len(robots)} robots {_START_SPACING_M:g} m apart")
+    half = np.array(scene.extent_m) / 2
+    for _ in range(_DRAWS):
+        xy_m = draws.uniform(-half, half)
+        placed: list[Pose] = []
+        for _ in range(_DRAWS):
+            pose = Pose(*map(float, xy_m), float(draws.uniform(-np.pi, np.pi)))
+            apart = all(pose.distance_to_m(p.xy_m) >= _START_SPACING_M[0] for p in placed)
+            if apart and scene.is_free([pose.xy_m], _CLEARANCE_M)[0]:
+                placed.append(pose)
+            if len(placed) == len(robots):
+                return dict(zip(robots, placed, strict=True))
+            if not placed:
+                break  # not a free place for the first robot
+            course = draws.uniform(-np.pi, np.pi)
+            reach = draws.uniform(*_START_SPACING_M) * np.array([np.cos(course), np.sin(course)])
+            xy_m = placed[0].xy_m + reach
+    low, high = _START_SPACING_M
+    raise MissionError(f"the scene has no room for {len(robots)} robots {low:g}-{high:g} m apart")

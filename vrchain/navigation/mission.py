@@ -330,8 +330,8 @@ class _Ranger:
     in the way is not taken for the landmark behind it.
     """
 
-    _LEAST_WAY_M = 2.0
-    _DOUBT = 2.5  # scale is a rough measure
+    _LEAST_WAY_M = 1.5
+    _DOUBT = 2.0  # scale is a rough measure
 
     def __init__(self, start: Pose) -> None:
         self.start, self.growth = start, 1.0
@@ -341,9 +341,7 @@ class _Ranger:
 
     def may_be_within(self, range_m: float, here: Pose) -> bool:
         way_m = here.distance_to_m(self.start.xy_m)
-        if way_m < self._LEAST_WAY_M:
-            return True
-        return way_m <= (self.growth - 1) * range_m * self._DOUBT
+        return way_m >= self._LEAST_WAY_M and way_m <= (self.growth - 1) * range_m * self._DOUBT
 
 
 def _sighting_template(features: Features, sighting: Sighting) -> Template:

@@ -16,7 +16,7 @@ from vrchain.landmarks.recognition import Goal, Sighting, find_goal
 from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
 
-_FAR_BASELINES = 4.0  # a landmark this many baselines off is worth 1/e of one close by
+_FAR_BASELINES = 2.0  # a landmark this many baselines off is worth 1/e of one close by
 _MIN_GOAL_MATCHES = 12
 
 LandmarkKey = tuple[str, str, int]
@@ -87,16 +87,16 @@ def plan(
             usable = [(worth(c), _key(a, b, c), c) for c in found]
             usable = [u for u in usable if u[1] not in failed]
             if usable:
-                best_worth, key, landmark = max(usable, key=lambda u: u[0])
-                graph.add_edge(a, b, landmark=landmark, key=key, ends=(a, b), worth=best_worth)
+                _, key, landmark = max(usable, key=lambda u: u[0])
+                graph.add_edge(a, b, landmark=landmark, key=key, ends=(a, b))
     return Plan(_best_route(graph, robot, seen), graph, seen)
 
 
 def worth(claim: CommonLandmark) -> float:
-    """How promising a common landmark is: its score, less for one that is far from both robots."""
+    """Which of two robots' common landmarks to use: a high score, and not far from both."""
     if claim.ranges is None:
         return claim.score
-    return claim.score * float(np.exp(-sum(claim.ranges) / _FAR_BASELINES)) + 1e-6
+    return claim.score * float(np.exp(-sum(claim.ranges) / _FAR_BASELINES))
 
 
 def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
@@ -107,7 +107,7 @@ def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
 
 def _best_route(graph: nx.Graph, robot: str, seen: Mapping[str, Sighting]) -> Route | None:
     def cost(a: str, b: str, edge: dict) -> float:
-        return float(-np.log(edge["worth"]))
+        return float(-np.log(edge["landmark"].score))
 
     distance, paths = nx.single_source_dijkstra(graph, robot, weight=cost)
     ends = {

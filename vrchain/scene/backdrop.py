@@ -69,7 +69,7 @@ def _sky_picture(light: Light, rng: np.random.Generator, shape: textures.Shape) 
         borderMode=cv2.BORDER_WRAP,
     )
     cover = np.clip((cloud + 0.05) / 1.2, 0, 1) * np.clip(up / 0.12, 0, 1)
-    white = 252.0 - 26.0 * np.clip(cloud - 0.9, 0, 1.2)
+    white = 252.0 - 14.0 * np.clip(cloud - 0.9, 0, 1.2)
     image += (white[..., None] - image) * (0.9 * cover**0.8)[..., None]
 
     unit = np.stack(

@@ -98,7 +98,7 @@ def signs(streets: Streets, rng: np.random.Generator) -> Groups:
     places += [_anywhere(streets, rng) for _ in range(600)]
     for street, along, side in places:
         pose = _beside(streets, street, along, side, 0.7)
-        yield [Candidate(Pose(pose.x_m, pose.y_m, pose.yaw_rad - np.pi / 2), shape)]
+        yield [Candidate(Pose(pose.x_m, pose.y_m, pose.yaw_rad + np.pi / 2), shape)]
 
 
 def mailboxes(homesteads: Sequence[Homestead], rng: np.random.Generator) -> Groups:

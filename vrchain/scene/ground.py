@@ -37,7 +37,7 @@ def build_ground(
     lawns = _lawns(layout, outside.difference(shapely.union_all([drives, paths])))
     rest = outside.difference(shapely.union_all([*lawns, drives, paths]))
 
-    def grass(hue: float, value: float, contrast: float = 0.13) -> Image:
+    def grass(hue: float, value: float, contrast: float = 0.1) -> Image:
         colour = textures.hsv(hue + rng.uniform(-4, 4), rng.uniform(0.42, 0.55), value)
         return textures.ground(rng, colour, contrast, 4)
 
@@ -45,7 +45,7 @@ def build_ground(
     outer = simple.buffer(_SOFT_M, quad_segs=1).simplify(0.04)
     core = simple.buffer(-_SOFT_M).simplify(0.04).intersection(outer)
     shadow_edges = (core, outer)
-    asphalt = textures.ground(rng, textures.hsv(220, 0.04, rng.uniform(0.36, 0.46)), 0.1, 3)
+    asphalt = textures.ground(rng, textures.hsv(220, 0.04, rng.uniform(0.36, 0.46)), 0.075, 2)
     grey = textures.hsv(35, 0.08, 0.68)
     pieces = [
         ("road", "road", streets.road.difference(marking), asphalt, 7.0),
@@ -63,7 +63,7 @@ def build_ground(
         ("lawn_1", "grass", lawns[0], grass(84, 0.56), 7.0),
         ("lawn_2", "grass", lawns[1], grass(92, 0.5), 6.0),
         ("lawn_3", "grass", lawns[2], grass(76, 0.6), 8.0),
-        ("grass", "grass", rest, grass(80, 0.52, 0.16), 9.0),
+        ("grass", "grass", rest, grass(80, 0.52, 0.12), 9.0),
     ]
     for name, kind, region, texture, tile_m in pieces:
         ground = region.intersection(everything)

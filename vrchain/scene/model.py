@@ -93,14 +93,14 @@ def place(
 ) -> SceneObject:
     """Put a model, its surfaces given in its own frame, at ``pose`` in the world."""
     points = np.concatenate([s.vertices_m for s in surfaces])
-    size = np.ptp(points, axis=0)
+    x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
     turn = rotation_z(pose.yaw_rad)
     offset = np.array([pose.x_m, pose.y_m, 0.0])
     moved = tuple(
         replace(s, vertices_m=(s.vertices_m.astype(float) @ turn.T + offset).astype(np.float32))
         for s in surfaces
     )
-    return SceneObject(name, kind, model, landmark, solid, tuple(map(float, size)), moved)
+    return SceneObject(name, kind, model, landmark, solid, (x, y, z), moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,7 @@ class Scene:
         return solids, shapely.STRtree([o.footprint for o in solids])
 
     def clearance_m(self, points_xy_m: ArrayLike) -> NDArray[np.float64]:
-        """Distance of points, (n, 2) float, to the nearest solid footprint: (n,) float, 0 inside."""
+        """Distance of points, (n, 2), to the nearest solid footprint: (n,) float, 0 inside."""
         points = shapely.points(np.atleast_2d(np.asarray(points_xy_m, dtype=float)))
         _, tree = self._solids
         nearest, distance = tree.query_nearest(points, return_distance=True, all_matches=False)

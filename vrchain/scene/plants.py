@@ -125,7 +125,7 @@ def _tufts(
     rng: np.random.Generator, part: Part, centre: NDArray[np.float64], size_m: float
 ) -> Part:
     """Ragged triangles of leaves, one on many of a lump's faces."""
-    faces = part.faces[rng.permutation(len(part.faces))[: 2 * len(part.faces) // 5]]
+    faces = part.faces[rng.permutation(len(part.faces))[: len(part.faces) // 3]]
     foot = part.points[faces].mean(axis=1)
     out = foot - centre
     out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
@@ -167,7 +167,7 @@ def _broadleaf(
         size = rng.uniform(0.4, 0.58) * r
         drop = 1.6 if plan.species == "willow" else 0.9
         _lump(rng, model, leaf, centre, np.array([size, size, min(size * drop, 0.7 * tall)]), floor)
-        model.add(tube(top * (0.8, 0.8, 0.75), centre, 0.012 * h, 0.004 * h, 4), bark, 0.7)
+        model.add(tube(top * (0.8, 0.8, 0.75), centre, 0.012 * h, 0.004 * h, 3), bark, 0.7)
     crown = np.array([*top[:2], middle + 0.3 * tall])
     _lump(rng, model, leaf, crown, np.array([0.55 * r, 0.55 * r, 0.6 * tall]), floor)
 
@@ -237,9 +237,10 @@ def build_bush(size_m: float, rng: np.random.Generator) -> tuple[Surface, ...]:
     return (model.surface(),)
 
 
-def build_hedge(length_m: float, height_m: float, rng: np.random.Generator) -> tuple[Surface, ...]:
-    """A clipped hedge along x, its middle at the origin."""
+def build_hedge(length_m: float, low: bool, rng: np.random.Generator) -> tuple[Surface, ...]:
+    """A clipped hedge along x, its middle at the origin; ``low``: as before a front garden."""
     model = Model()
+    height_m = rng.uniform(0.65, 0.95) if low else rng.uniform(1.15, 1.6)
     half, depth = length_m / 2, 0.32
     colour = textures.hsv(rng.uniform(70, 135), rng.uniform(0.4, 0.7), rng.uniform(0.38, 0.6))
     px = 30

@@ -35,7 +35,7 @@ class HouseSpec:
     """Houses, one a lot, facing their street."""
 
     count: int = _within(32, 0, 500)  # how many
-    setback_m: tuple[float, float] = _within((5.2, 7.0), 4.0, 15.0)  # pavement to front wall
+    setback_m: tuple[float, float] = _within((5.2, 7.0), 4.0, 8.0)  # pavement to front wall
     two_storey: float = _within(0.35, 0.0, 1.0)  # share of houses with an upper floor
 
 

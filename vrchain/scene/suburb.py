@@ -20,7 +20,7 @@ _BUILDERS: dict[str, _Builder] = {
     "vehicle": lambda p, rng: vehicles.build(p.plan, rng),
     "fence": lambda p, rng: boundaries.build_fence(p.plan[0], p.plan[1], rng),
     "wall": lambda p, rng: boundaries.build_wall(p.plan[0], p.plan[1], rng),
-    "hedge": lambda p, rng: plants.build_hedge(p.plan[0], 0.8 if p.plan[1] else 1.4, rng),
+    "hedge": lambda p, rng: plants.build_hedge(p.plan[0], p.plan[1], rng),
     "bush": lambda p, rng: plants.build_bush(p.plan, rng),
     "lamp": lambda p, rng: street.lamp(rng),
     "pole": lambda p, rng: street.pole(rng),

@@ -84,7 +84,8 @@ def side(plan: VehiclePlan, rng: np.random.Generator, rgb: Colour) -> Image:
     return image
 
 
-def lettering(plan: VehiclePlan, image: Image, rgb: Colour) -> None:
+def lettering(plan: VehiclePlan, image: Image, rgb: Colour, *, front_right: bool) -> None:
+    """A firm's name on a side whose front is at the picture's right or left."""
     h, w = image.shape[:2]
     words = (
         "MILLER & CO",
@@ -101,7 +102,8 @@ def lettering(plan: VehiclePlan, image: Image, rgb: Colour) -> None:
     ink = (250, 245, 235) if sum(rgb) < 380 else (150, 25, 40)
     scale, z = (0.95, 1.45) if plan.style == "van" else (0.5, 0.7)
     size = cv2.getTextSize(word, cv2.FONT_HERSHEY_DUPLEX, scale, 2)[0][0]
-    x = int((0.82 if plan.style == "van" else 1.0) * (w - size) / 2)
+    behind = 0.82 if plan.style == "van" else 1.0  # clear of a van's front door
+    x = int((behind if front_right else 2 - behind) * (w - size) / 2)
     cv2.putText(
         image,
         word,

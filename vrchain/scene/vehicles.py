@@ -20,8 +20,8 @@ def build(plan: VehiclePlan, rng: np.random.Generator) -> tuple[Surface, ...]:
     side = vehicle_art.side(plan, rng, rgb)
     mirrored = side[:, ::-1].copy()
     if rng.random() < 0.4 or plan.style == "van":  # a firm's name, on both sides alike
-        for image in (side, mirrored):
-            vehicle_art.lettering(plan, image, rgb)
+        vehicle_art.lettering(plan, side, rgb, front_right=True)
+        vehicle_art.lettering(plan, mirrored, rgb, front_right=False)
     patches = {1: model.patch(mirrored), -1: model.patch(side)}
     top = model.patch(textures.plain(rng, rgb, (40, 40), 0.02))
     glass = model.patch(vehicle_art.screen(rng))
