@@ -38,7 +38,9 @@ def landmark_pairs(
         (poses, tuple(extract(renderer.render(pose, rig)) for pose in poses))
         for poses in draw_pairs(scene, n_pairs, spacing_m, seed)
     )
-    return claims_of(tqdm(looks, total=n_pairs, desc="pairs", unit="", disable=None), scene, rig, config)
+    return claims_of(
+        tqdm(looks, total=n_pairs, desc="pairs", unit="", disable=None), scene, rig, config
+    )
 
 
 def claims_of(
@@ -54,11 +56,11 @@ def claims_of(
     on.
     """
     truth = GroundTruth(scene)
-    rows = []
+    rows: list[dict[str, object]] = []
     for number, (poses, (a, b)) in enumerate(looks):
         comparison = compare(a, b, rig, config)
         spacing_m = poses[0].distance_to_m(poses[1].xy_m)
-        pair = {
+        pair: dict[str, object] = {
             "pair": number,
             "spacing_m": spacing_m,
             "co_visible": len(co_visible(truth, *poses, rig)),
@@ -99,6 +101,7 @@ def summarise(claims: pd.DataFrame) -> dict[str, float]:
         "pair_success": float(best_right.mean()),
         "precision": float(right.mean()) if len(made) else float("nan"),
         "recall": float(right.sum() / max(1, pairs.co_visible.sum())),
+        "n_claims": len(made),
         "claims_per_pair": len(made) / max(1, len(pairs)),
         "twin_claims": int(made.twin.astype(bool).sum()),
         "quality_m_mean": float(made.quality_m.mean()),

@@ -82,7 +82,7 @@ def start_poses(scene: Scene, robots: Sequence[str], seed: int) -> dict[str, Pos
         xy_m = draws.uniform(-half, half)
         placed: list[Pose] = []
         for _ in range(_DRAWS):
-            pose = Pose(*map(float, xy_m), float(draws.uniform(-np.pi, np.pi)))
+            pose = Pose(float(xy_m[0]), float(xy_m[1]), float(draws.uniform(-np.pi, np.pi)))
             apart = all(pose.distance_to_m(p.xy_m) >= _START_SPACING_M[0] for p in placed)
             if apart and scene.is_free([pose.xy_m], _CLEARANCE_M)[0]:
                 placed.append(pose)

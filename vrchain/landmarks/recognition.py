@@ -16,6 +16,9 @@ Array = NDArray[np.float64]
 _RATIO = 0.85
 _SAMPLES = 400
 _TOLERANCE_RAD = 0.02  # the model below is flat, landmarks are not
+# Of 97 panoramas without the goal (suburbs of seeds 1000, 1001) one had 12 matches, none more;
+# of goals in view, over 8 degrees wide and within 25 m, three quarters have 15.
+GOAL_MATCHES = 15
 LOWEST_SLOPE = -0.12  # what lies lower is ground, mostly
 _SQUEEZE = (0.25, 2.0)  # width against height of a landmark, seen anew, over the same as stored
 
@@ -141,7 +144,7 @@ def goal_of(pictures: Sequence[Panorama]) -> Goal:
     return Goal(tuple(found))
 
 
-def find_goal(goal: Goal, current: Features, min_matches: int = 10) -> Sighting | None:
+def find_goal(goal: Goal, current: Features, min_matches: int = GOAL_MATCHES) -> Sighting | None:
     """The goal in a panorama by the picture that agrees best, or None."""
     sightings = [locate(t, current, min_matches=min_matches) for t in goal.templates]
     return max((s for s in sightings if s), key=lambda s: s.n_matches, default=None)

@@ -10,26 +10,27 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import wrap_angle_rad
 from vrchain.homing import home_vector
 from vrchain.landmarks.common import Region
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.recognition import (
+    GOAL_MATCHES,
     LOWEST_SLOPE,
     Goal,
     Sighting,
     Template,
     find_goal,
-    locate,
     template_around,
 )
 from vrchain.landmarks.sift import Features, extract
 from vrchain.navigation.route import LandmarkKey, Leg, Plan, Route, plan
+from vrchain.navigation.tracker import Tracker, best_sighting, sighting_template
 from vrchain.panorama import Panorama
 from vrchain.robot import Drive, Observation, steer
 
 
-_TRACK_WINDOW_RAD = 0.5  # from one look to the next a landmark's bearing changes less
+_LANDMARK_MATCHES = 8  # by which a landmark is recognised again
 
 
 class Body(Protocol):
@@ -50,6 +51,7 @@ class MissionConfig:
     arrival_m: float = 2.0  # the goal is reached at this range
     look_every_m: float = 1.0  # of way, while homing on something
     tick_s: float = 0.3  # between two steering commands
+    sure_matches: int = 30  # with the goal's pictures, seen on the way, to claim arrival
     lost_after: int = 4  # looks in a row without recognising it
     stuck_after_s: float = 20.0  # without half a metre of headway
     limit_s: float = 600.0
@@ -128,6 +130,7 @@ class _Mission:
         self.looks: list[Panorama] = []
         self.plans: list[tuple[int, Route]] = []
         self.failed: set[LandmarkKey] = set()
+        self.doubted: set[str] = set()  # robots whose sighting of the goal was a mistake
         self.now: Observation = body.observe()
         self.deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
 
@@ -140,11 +143,11 @@ class _Mission:
         for _ in range(self.config.max_plans):
             features = self.look_around()
             sighting = find_goal(self.goal, features)
-            if sighting is not None and self.home_to_goal([], sighting):
+            if sighting is not None and self.home_to_goal(sighting):
                 return
             route = self.plan_route(features)
             self.plans.append((len(self.looks) - 1, route))
-            if self.drive_chain(route) and self.home_to_goal(self.goal_as_seen_by(route)):
+            if self.drive_chain(route) and self.home_to_goal(route=route):
                 return
             self.log("plan again", "the chain could not be driven to its end")
         raise _GaveUp(f"{self.config.max_plans} plans failed")
@@ -167,7 +170,9 @@ class _Mission:
             raise _GaveUp("the ledger holds no panorama of another robot")
         assert self.now.panorama is not None
         rig = self.now.panorama.rig
-        found = plan(self.robot, features, rig, others, self.index, self.goal, self.failed)
+        found = plan(
+            self.robot, features, rig, others, self.index, self.goal, self.failed, self.doubted
+        )
         self._log_plan(found)
         if not found.goal_seen_by:
             raise _GaveUp("no robot's newest panorama shows the goal")
@@ -180,31 +185,42 @@ class _Mission:
         for number, leg in enumerate(route.legs):
             features = self.look_around()
             templates = self.leg_templates(leg)
-            sighting = _first_sighting(templates, features)
+            sighting = _best_sighting(templates, features, _LANDMARK_MATCHES)
             if number == 0 and leg.landmark.a.bearing_rad is not None:
                 # planned from this very place: the plan knows where the landmark is
                 half_width = 0.6 * (leg.landmark.a.angular_size_rad or 0.2)
                 n_matches = len(leg.landmark.support_a)
                 sighting = Sighting(leg.landmark.a.bearing_rad, 1.0, half_width, n_matches)
             name = f"landmark {number + 1}, common to {leg.seen_by} and {leg.next_by}"
-            if sighting is None and not self.seek(name, templates, leg.next_by):
+            if sighting is None and not self.seek(name, templates, leg.next_by, _LANDMARK_MATCHES):
                 self.failed.add(leg.key)
                 return False
-            if not self.approach(name, templates, sighting, self.config.approach_m):
+            stop_m = self.config.approach_m
+            if not self.approach(name, templates, sighting, stop_m, _LANDMARK_MATCHES):
                 self.failed.add(leg.key)
                 return False
         return True
 
-    def home_to_goal(self, templates: Sequence[Template], sighting: Sighting | None = None) -> bool:
-        """Home to the goal; True if the robot stands in front of it."""
-        every = [*self.goal.templates, *templates]
-        if sighting is None:
-            features = self.look_around()
-            sighting = find_goal(self.goal, features) or _first_sighting(templates, features)
-            last = self.plans[-1][1].seen_by
-            if sighting is None and not self.seek("the goal", every, last):
+    def home_to_goal(self, sighting: Sighting | None = None, route: Route | None = None) -> bool:
+        """Home to the goal, in view or as the route's last robot saw it; True if it is reached."""
+        pictures = list(self.goal.templates)
+        if route is not None:
+            features = self.index.features(self.newest()[route.seen_by])
+            pictures.append(sighting_template(features, route.sighting))
+            sighting = _best_sighting(pictures, self.look_around(), GOAL_MATCHES)
+            if sighting is None and not self.seek(
+                "the goal", pictures, route.seen_by, GOAL_MATCHES
+            ):
                 return False
-        return self.approach("the goal", every, sighting, self.config.arrival_m)
+        stop_m = self.config.arrival_m
+        track = self.approach("the goal", pictures, sighting, stop_m, GOAL_MATCHES)
+        if track is None:
+            return False
+        if max(track.best_matches[: len(self.goal.templates)]) < self.config.sure_matches:
+            self.log("doubt", "it never looked enough like the goal's pictures")
+            self.doubted |= {route.seen_by} if route else set()
+            return False
+        return True
 
     def leg_templates(self, leg: Leg) -> list[Template]:
         """The landmark as the robots at both ends of the leg saw it, the farther one first."""
@@ -216,11 +232,9 @@ class _Mission:
             if name in newest
         ]
 
-    def goal_as_seen_by(self, route: Route) -> list[Template]:
-        features = self.index.features(self.newest()[route.seen_by])
-        return [_sighting_template(features, route.sighting)]
-
-    def seek(self, name: str, templates: Sequence[Template], towards: str) -> bool:
+    def seek(
+        self, name: str, templates: Sequence[Template], towards: str, min_matches: int
+    ) -> bool:
         """Home to the place of another robot's panorama until one of the templates is seen."""
         digest = self.newest().get(towards)
         if digest is None:
@@ -230,7 +244,7 @@ class _Mission:
         lost = 0
         while lost < self.config.lost_after:
             features = self.look()
-            if _first_sighting(templates, features) is not None:
+            if _best_sighting(templates, features, min_matches) is not None:
                 self.log("found", f"{name} came into view")
                 return True
             vector = home_vector(features, home)
@@ -243,46 +257,42 @@ class _Mission:
         return False
 
     def approach(
-        self, name: str, templates: Sequence[Template], sighting: Sighting | None, stop_m: float
-    ) -> bool:
-        """Servo on a landmark's bearing, tracking it from view to view; True when it is near."""
+        self,
+        name: str,
+        templates: Sequence[Template],
+        sighting: Sighting | None,
+        stop_m: float,
+        min_matches: int,
+    ) -> Tracker | None:
+        """Servo on a landmark's bearing, tracking it from view to view; None if that fails."""
         features = self.look()
-        sighting = sighting or _first_sighting(templates, features)
+        sighting = sighting or _best_sighting(templates, features, min_matches)
         if sighting is None:
             self.log("lost", f"{name} is not in view")
-            return False
-        look = len(self.looks) - 1 if self.looks else None
+            return None
         bearing_deg = round(float(np.degrees(sighting.bearing_rad)), 1)
-        self.log("approach", f"{name} in view", look, bearing_deg=bearing_deg, matches=sighting.n_matches)
-        track, bearing, lost = _sighting_template(features, sighting), sighting.bearing_rad, 0
-        ranger = _Ranger(self.now.odometry)
-        while True:
-            yaw_rad = self.now.odometry.yaw_rad
-            outcome = self.drive_towards(bearing, stop_m, ranger)
-            bearing = float(wrap_angle_rad(bearing + yaw_rad - self.now.odometry.yaw_rad))
+        self.log(
+            "approach", f"{name} in view", len(self.looks) - 1,
+            bearing_deg=bearing_deg, matches=sighting.n_matches,
+        )  # fmt: skip
+        track = Tracker(templates, min_matches, sighting, features, self.now.odometry)
+        while track.lost < self.config.lost_after:
+            outcome = self.drive_towards(track.bearing_rad, stop_m, track)
             if outcome == "near":
-                self.log("reached", f"{name} is {stop_m:g} m ahead", growth=round(ranger.growth, 2))
-                return True
+                self.log(
+                    "reached", f"{name} is {stop_m:g} m ahead",
+                    growth=round(track.growth, 2), matches=max(track.best_matches),
+                )  # fmt: skip
+                return track
             if outcome == "stuck":
                 self.log("blocked", f"no headway towards {name}")
-                return False
-            features = self.look()
-            seen = locate(track, features, bearing, _TRACK_WINDOW_RAD)
-            if seen is not None:
-                ranger.grow(seen.scale)
-            else:
-                seen = _first_sighting(templates, features)
-                ranger = _Ranger(self.now.odometry) if seen else ranger
-            if seen is not None:
-                lost, bearing, track = 0, seen.bearing_rad, _sighting_template(features, seen)
-                continue
-            lost += 1
-            if lost >= self.config.lost_after:
-                self.log("lost", f"{name} has not been recognised for {lost} looks")
-                return False
+                return None
+            track.update(self.look(), self.now.odometry)
+        self.log("lost", f"{name} has not been recognised for {track.lost} looks")
+        return None
 
     def drive_towards(
-        self, bearing_rad: float, stop_m: float = 0.0, ranger: "_Ranger | None" = None
+        self, bearing_rad: float, stop_m: float = 0.0, track: Tracker | None = None
     ) -> str:
         """Drive a stretch on a bearing: "near" if the thing ahead is so, "stuck", or "on the way"."""
         course = wrap_angle_rad(self.now.odometry.yaw_rad + bearing_rad)
@@ -292,7 +302,7 @@ class _Mission:
                 raise _GaveUp(f"out of time after {self.config.limit_s:g} s")
             wanted = float(wrap_angle_rad(course - self.now.odometry.yaw_rad))
             near = range_along_m(self.now.range_ring_m, wanted) < stop_m
-            if near and (ranger is None or ranger.may_be_within(stop_m, self.now.odometry)):
+            if near and (track is None or track.may_be_within(stop_m, self.now.odometry)):
                 return "near"
             if self.now.time_ns - started_ns > self.config.stuck_after_s * 1e9:
                 return "stuck"
@@ -323,39 +333,14 @@ def range_along_m(range_ring_m: np.ndarray, bearing_rad: float, half_width_rad: 
     return float(range_ring_m[near].min()) if near.any() else float("inf")
 
 
-class _Ranger:
-    """How far a tracked landmark is, from how it grows as the robot nears it.
-
-    A thing that looks g times larger after a way D towards it is D / (g - 1) away. So an obstacle
-    in the way is not taken for the landmark behind it.
-    """
-
-    _LEAST_WAY_M = 1.5
-    _DOUBT = 2.0  # scale is a rough measure
-
-    def __init__(self, start: Pose) -> None:
-        self.start, self.growth = start, 1.0
-
-    def grow(self, scale: float) -> None:
-        self.growth *= scale
-
-    def may_be_within(self, range_m: float, here: Pose) -> bool:
-        way_m = here.distance_to_m(self.start.xy_m)
-        return way_m >= self._LEAST_WAY_M and way_m <= (self.growth - 1) * range_m * self._DOUBT
-
-
-def _sighting_template(features: Features, sighting: Sighting) -> Template:
-    half_width = float(np.clip(sighting.half_width_rad, 0.05, 0.6))
-    return template_around(features, sighting.bearing_rad, half_width, (LOWEST_SLOPE, np.inf))
-
-
 def _region_template(features: Features, region: Region) -> Template:
     bearing, width = region.bearing_rad or 0.0, region.angular_size_rad or 0.2
     half_width = float(np.clip(0.6 * width, 0.05, 0.4))
     return template_around(features, bearing, half_width, (LOWEST_SLOPE, np.inf))
 
 
-def _first_sighting(templates: Sequence[Template], features: Features) -> Sighting | None:
-    """The sighting with most matches among templates."""
-    found = [locate(t, features, min_matches=8) for t in templates]
-    return max((s for s in found if s), key=lambda s: s.n_matches, default=None)
+def _best_sighting(
+    templates: Sequence[Template], features: Features, min_matches: int
+) -> Sighting | None:
+    found = best_sighting(templates, features, min_matches)
+    return found[1] if found else None

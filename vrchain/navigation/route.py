@@ -17,7 +17,6 @@ from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
 
 _FAR_BASELINES = 2.0  # a landmark this many baselines off is worth 1/e of one close by
-_MIN_GOAL_MATCHES = 12
 
 LandmarkKey = tuple[str, str, int]
 
@@ -64,15 +63,17 @@ def plan(
     index: LandmarkIndex,
     goal: Goal,
     failed: Set[LandmarkKey] = frozenset(),
+    doubted: Set[str] = frozenset(),
 ) -> Plan:
     """The chain with the best product of scores from what ``robot`` sees now to the goal.
 
     newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
+    doubted: robots whose sighting of the goal is not to be trusted.
     """
     seen: dict[str, Sighting] = {}
     for name, digest in newest.items():
-        sighting = find_goal(goal, index.features(digest), _MIN_GOAL_MATCHES)
-        if sighting is not None:
+        sighting = find_goal(goal, index.features(digest))
+        if sighting is not None and name not in doubted:
             seen[name] = sighting
     graph = nx.Graph()
     graph.add_nodes_from([robot, *newest])

@@ -11,19 +11,21 @@ from matplotlib.patches import Polygon
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.scene.model import Scene
+from vrchain.scene.model import Scene, SceneObject
 
-ROBOT_COLOURS = ("#d62728", "#1f77b4", "#9467bd", "#e377c2", "#17becf", "#bcbd22")
+# Told apart by the colour-blind: Okabe and Ito's palette, and lightness on the map.
+ROBOT_COLOURS = ("#d55e00", "#0072b2", "#aa3f83", "#e69f00", "#56b4e9", "#009e73")
 KIND_COLOURS = {
-    "house": "#c98b6b",
-    "tree": "#4f8a3d",
-    "hedge": "#6b9a4f",
-    "bush": "#6b9a4f",
+    "house": "#c9a08a",
+    "tree": "#5f9a4c",
+    "hedge": "#0b5d3b",
+    "bush": "#9fc131",
     "vehicle": "#3b5b92",
-    "fence": "#8a6f4d",
-    "wall": "#6e6e6e",
+    "fence": "#f0a30a",
+    "wall": "#3a3a3a",
 }
-_OTHER_COLOUR = "#444444"
+_OTHER_COLOUR = "#b0005a"
+_THIN = ("hedge", "fence", "wall")  # drawn at least so wide that their colour shows
 
 
 def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
@@ -49,20 +51,24 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
                 colour = surface.texture.reshape(-1, 3).mean(axis=0) / 255
                 triangles = surface.vertices_m[surface.faces][:, :, :2]
                 axes.add_collection(
-                    PolyCollection(list(triangles), facecolors=[0.55 + 0.45 * colour], edgecolors="none")
+                    PolyCollection(
+                        list(triangles),
+                        facecolors=[0.55 + 0.45 * colour],
+                        edgecolors="face",  # or the seams between triangles show
+                        linewidths=0.4,
+                    )
                 )
     for obj in scene.objects:
         if obj.solid:
-            ground = obj.footprint if obj.kind != "tree" else _crown(obj.bounds_m)
-            for part in getattr(ground, "geoms", [ground]):
-                if isinstance(part, shapely.LineString | shapely.Point):
-                    part = part.buffer(0.15)
+            colour = KIND_COLOURS.get(obj.kind, _OTHER_COLOUR)
+            thin = obj.kind in _THIN or obj.kind not in KIND_COLOURS
+            for part in shapely.get_parts(_plan(obj)):
                 axes.add_patch(
                     Polygon(
                         np.asarray(part.exterior.coords),
-                        facecolor=KIND_COLOURS.get(obj.kind, _OTHER_COLOUR),
-                        edgecolor="black",
-                        linewidth=0.3,
+                        facecolor=colour,
+                        edgecolor=colour if thin else "black",
+                        linewidth=1.6 if thin else 0.4,
                         alpha=0.6 if obj.kind == "tree" else 1.0,
                     )
                 )
@@ -79,14 +85,19 @@ def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=6))
     axes.annotate(
         name,
-        pose.xy_m,
+        (pose.x_m, pose.y_m),
         xytext=(9, 7),
         textcoords="offset points",
         fontsize=9,
         fontweight="bold",
         color=colour,
         zorder=7,
-        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        bbox={
+            "boxstyle": "round,pad=0.15",
+            "facecolor": "white",
+            "edgecolor": "none",
+            "alpha": 0.8,
+        },
     )
 
 
@@ -98,21 +109,32 @@ def zoom_to(axes: Axes, points_xy_m: NDArray[np.float64], margin_m: float = 8.0)
     axes.set_ylim(centre[1] - half, centre[1] + half)
 
 
-def _crown(bounds_m: NDArray[np.float64]) -> shapely.Geometry:
-    (low_x, low_y, _), (high_x, high_y, _) = bounds_m
-    radius_m = (high_x - low_x + high_y - low_y) / 4
-    return shapely.Point((low_x + high_x) / 2, (low_y + high_y) / 2).buffer(radius_m)
+def _plan(obj: SceneObject) -> shapely.Geometry:
+    """What an object covers on the map: a house's roof, a tree's crown, else its footprint."""
+    if obj.kind == "tree":
+        (low_x, low_y, _), (high_x, high_y, _) = obj.bounds_m
+        middle = shapely.Point((low_x + high_x) / 2, (low_y + high_y) / 2)
+        return middle.buffer((high_x - low_x + high_y - low_y) / 4)
+    if obj.kind == "house":
+        corners = np.concatenate([s.vertices_m[s.faces][:, :, :2] for s in obj.surfaces])
+        triangles = shapely.polygons(corners.astype(float))
+        return shapely.union_all(triangles[shapely.area(triangles) > 1e-4], grid_size=0.01)
+    footprint = obj.footprint
+    return footprint if isinstance(footprint, shapely.Polygon) else footprint.buffer(0.15)
 
 
 def _legend(axes: Axes, scene: Scene) -> None:
     counts = scene.table[scene.table.landmark].kind.value_counts()
     shown = [k for k in KIND_COLOURS if k in counts]
     handles = [
-        Polygon(np.zeros((3, 2)), facecolor=KIND_COLOURS[k], label=f"{k} ({counts[k]})") for k in shown
+        Polygon(np.zeros((3, 2)), facecolor=KIND_COLOURS[k], label=f"{k} ({counts[k]})")
+        for k in shown
     ]
     rest = int(counts.drop(shown).sum())
     if rest:
         handles.append(
             Polygon(np.zeros((3, 2)), facecolor=_OTHER_COLOUR, label=f"other landmarks ({rest})")
         )
-    axes.legend(handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4, frameon=False)
+    axes.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4, frameon=False
+    )

@@ -3,11 +3,13 @@
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
 from vrchain.experiments.mission import MissionRun
+from vrchain.geometry import Pose
 from vrchain.landmarks.common import Region
 from vrchain.navigation.route import Route
 from vrchain.panorama import Panorama, encode_png
@@ -16,6 +18,7 @@ from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, regio
 from vrchain.plots.save import png_bytes
 
 _GOAL_COLOUR = "#ff2d95"
+_LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
 def save_pictures(run: MissionRun, folder: Path) -> None:
@@ -40,7 +43,7 @@ def mission_figure(run: MissionRun) -> Figure:
     grid = figure.add_gridspec(1, 2, width_ratios=[1, 1.55])
     draw_mission_map(figure.add_subplot(grid[0]), run)
     rows = _chain_rows(run)
-    right = grid[1].subgridspec(len(rows), 1)
+    right = grid[1].subgridspec(max(len(rows), 3), 1)  # one alone would be drawn out of shape
     for i, (title, panorama, marks) in enumerate(rows):
         axes = figure.add_subplot(right[i])
         show_panorama(axes, panorama)
@@ -51,7 +54,8 @@ def mission_figure(run: MissionRun) -> Figure:
             _mark(axes, panorama, region, label, colour)
     outcome = "arrived" if run.result.arrived else f"gave up: {run.result.reason}"
     figure.suptitle(
-        f"{run.robot} looks for {run.task.goal}: {outcome} ({run.range_m:.1f} m from it)", fontsize=13
+        f"{run.robot} looks for {run.task.goal}: {outcome} ({run.range_m:.1f} m from it)",
+        fontsize=13,
     )
     return figure
 
@@ -66,9 +70,8 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
         Rectangle((x0, y0), width, height, fill=False, edgecolor=_GOAL_COLOUR, lw=2.5, zorder=5)
     )
     axes.annotate(
-        "goal", (x0 + width / 2, y0 + height / 2), ha="center", va="center", color=_GOAL_COLOUR,
-        fontweight="bold", zorder=8,
-        bbox={"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8},
+        "goal", (x0 + width / 2, y0 + height / 2), ha="center", va="center", zorder=8,
+        color=_GOAL_COLOUR, fontweight="bold", bbox=_LABEL,
     )  # fmt: skip
     for index, (name, place) in enumerate(run.task.places.items()):
         path = run.paths_xy_m[name]
@@ -81,6 +84,17 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
     corners = goal.bounds_m[:, :2]
     zoom_to(axes, np.concatenate([places, corners, run.paths_xy_m[run.robot]]), margin_m=4.0)
     axes.set_title(f"path of {run.robot} (thick; dot: its end)", fontsize=10)
+
+
+def paths_table(run: MissionRun) -> pd.DataFrame:
+    """True positions of every robot after each step: robot, step, x_m, y_m."""
+    tables = [
+        pd.DataFrame(
+            {"robot": name, "step": range(len(path)), "x_m": path[:, 0], "y_m": path[:, 1]}
+        )
+        for name, path in run.paths_xy_m.items()
+    ]
+    return pd.concat(tables, ignore_index=True)
 
 
 def _chain_rows(run: MissionRun) -> list[tuple[str, Panorama, list[tuple[str, str, Region]]]]:
@@ -110,9 +124,7 @@ def _goal_region(route: Route) -> Region:
     return Region(0, (0, 0, 0, 0), sighting.bearing_rad, 2 * sighting.half_width_rad)
 
 
-def _last_pose(run: MissionRun, name: str):
-    from vrchain.geometry import Pose
-
+def _last_pose(run: MissionRun, name: str) -> Pose:
     (x_m, y_m), place = run.paths_xy_m[name][-1], run.task.places[name]
     return Pose(float(x_m), float(y_m), place.yaw_rad)
 
@@ -129,7 +141,9 @@ def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: st
     else:
         top, bottom = 12.0, -6.0
     axes.add_patch(
-        Rectangle((centre - width / 2, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2)
+        Rectangle(
+            (centre - width / 2, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2
+        )
     )
     axes.text(
         centre + width / 2, top, label, fontsize=8, va="bottom", clip_on=True,

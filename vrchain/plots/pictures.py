@@ -3,16 +3,28 @@
 from collections.abc import Sequence
 
 import numpy as np
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import ConnectionPatch, Rectangle
 from numpy.typing import NDArray
 
+from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.seeding import generator
 
-CLAIM_COLOURS = ("#ffd400", "#ff3b30", "#00e5ff", "#ff7af6", "#7cff4f", "#ff9f0a", "#b18cff", "#ffffff")
-_SHOWN = len(CLAIM_COLOURS)
+CLAIM_COLOURS = (
+    "#ffd400",
+    "#ff3b30",
+    "#00e5ff",
+    "#ff7af6",
+    "#7cff4f",
+    "#ff9f0a",
+    "#b18cff",
+    "#0a84ff",
+)
+_APART = 0.03  # of the picture's width, between two landmarks that are drawn
 
 
 def panorama_strip(panoramas: dict[str, Panorama]) -> Figure:
@@ -32,15 +44,46 @@ def view_sheet(panorama: Panorama) -> Figure:
     columns = min(n, 4)
     rows = -(-n // columns)
     figure = Figure(figsize=(12, 2.4 * rows + 2.2), layout="constrained")
+    bearings_deg = np.degrees(wrap_angle_rad(rig.azimuths_rad))
     grid = figure.add_gridspec(rows + 1, columns, height_ratios=[*[2.3] * rows, 1.7])
     for i, view in enumerate(panorama.views):
         axes = figure.add_subplot(grid[i // columns, i % columns])
         axes.imshow(view)
         axes.set_axis_off()
-        axes.set_title(f"view {i}: bearing {np.degrees(rig.azimuths_rad[i]):.0f}°", fontsize=9)
+        axes.set_title(f"view {i}: bearing {bearings_deg[i]:.0f}°", fontsize=9)
     axes = figure.add_subplot(grid[rows, :])
     show_panorama(axes, panorama)
     axes.set_title("the joined cylinder", fontsize=10)
+    return figure
+
+
+def views_row(views: Sequence[NDArray[np.uint8]], title: str) -> Figure:
+    """Single pictures side by side."""
+    figure = Figure(figsize=(12, 3.0), layout="constrained")
+    for axes, view in zip(np.atleast_1d(figure.subplots(1, len(views))), views, strict=True):
+        axes.imshow(view)
+        axes.set_axis_off()
+    figure.suptitle(title)
+    return figure
+
+
+def truth_sheet(
+    rgb: NDArray[np.uint8], object_id: NDArray[np.int32], range_m: NDArray[np.float32]
+) -> Figure:
+    """One view as it is drawn, and by ray casting: an object's own colour, and the range."""
+    figure = Figure(figsize=(12, 3.4), layout="constrained")
+    left, middle, right = figure.subplots(1, 3)
+    left.imshow(rgb)
+    left.set_title("what the camera sees", fontsize=10)
+    colours = generator(0, "object colours").integers(60, 256, (int(object_id.max()) + 2, 3))
+    colours[-1] = 235  # the sky, whose id is -1
+    middle.imshow(colours[object_id].astype(np.uint8))
+    middle.set_title("ground truth: one colour an object", fontsize=10)
+    drawn = right.imshow(np.where(np.isfinite(range_m), range_m, np.nan), cmap="viridis_r", vmax=60)
+    right.set_title("ground truth: range", fontsize=10)
+    figure.colorbar(drawn, ax=right, label="range (m)", extend="max")
+    for axes in (left, middle, right):
+        axes.set_axis_off()
     return figure
 
 
@@ -76,20 +119,28 @@ def common_landmarks_figure(
         axes.imshow(image)
         axes.set_title(title, fontsize=10, loc="left")
         axes.set_axis_off()
-    for number, claim in enumerate(claims[:_SHOWN]):
-        colour = CLAIM_COLOURS[number]
+    chosen = _apart(claims, a_rgb.shape[1], rig)
+    for colour, number in zip(CLAIM_COLOURS, chosen, strict=False):
+        claim = claims[number]
         boxes = [region_box(region, rig) for region in (claim.a, claim.b)]
-        for axes, image, (x0, y0, x1, y1) in zip((upper, lower), (a_rgb, b_rgb), boxes, strict=True):
+        for axes, image, (x0, y0, x1, y1) in zip(
+            (upper, lower), (a_rgb, b_rgb), boxes, strict=True
+        ):
             for shift in (0, image.shape[1]) if rig else (0,):  # a region may cross the seam
                 axes.add_patch(
-                    Rectangle((x0 + shift, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, lw=2)
+                    Rectangle(
+                        (x0 + shift, y0), x1 - x0, y1 - y0, fill=False, edgecolor=colour, lw=2
+                    )
                 )
             axes.set_xlim(-0.5, image.shape[1] - 0.5)
             axes.text(
                 max(x0, 0.0), y0 - 4, str(number + 1), color="black", fontsize=8, clip_on=True,
                 bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
             )  # fmt: skip
-        ends = [((x0 + x1) / 2, y1 if tall and i == 0 else y0) for i, (x0, y0, x1, y1) in enumerate(boxes)]
+        ends = [
+            ((x0 + x1) / 2, y1 if tall and i == 0 else y0)
+            for i, (x0, y0, x1, y1) in enumerate(boxes)
+        ]
         if not tall:
             ends = [((x0 + x1) / 2, (y0 + y1) / 2) for x0, y0, x1, y1 in boxes]
         figure.add_artist(
@@ -97,9 +148,46 @@ def common_landmarks_figure(
                 ends[0], ends[1], "data", "data", axesA=upper, axesB=lower, color=colour, lw=1.2
             )
         )
-    shown = f", the {_SHOWN} surest shown" if len(claims) > _SHOWN else ""
+    shown = ""
+    if len(claims) > len(chosen):
+        shown = f"; {len(chosen)} shown, of several close together the surest"
     figure.suptitle(f"{len(claims)} common landmarks{shown}", fontsize=11)
     return figure
+
+
+def _apart(claims: Sequence[CommonLandmark], width_px: int, rig: CameraRig | None) -> list[int]:
+    """Indices of the surest claims of which none covers another in the first picture."""
+    chosen: list[int] = []
+    middles: list[float] = []
+    for index, claim in enumerate(claims):
+        x0, _, x1, _ = region_box(claim.a, rig)
+        middle = (x0 + x1) / 2
+        if all(abs(middle - other) > _APART * width_px for other in middles):
+            chosen.append(index)
+            middles.append(middle)
+    return chosen[: len(CLAIM_COLOURS)]
+
+
+def claims_table(claims: Sequence[CommonLandmark]) -> pd.DataFrame:
+    """Common landmarks as rows: score, matches, and each side's view, box, bearing and size."""
+    rows = []
+    for number, claim in enumerate(claims, 1):
+        row: dict[str, object] = {
+            "number": number,
+            "score": claim.score,
+            "matches": len(claim.support_a),
+        }
+        for side, region in (("a", claim.a), ("b", claim.b)):
+            row[f"{side}_view"] = region.view
+            row |= dict(
+                zip(
+                    [f"{side}_{c}_px" for c in ("x0", "y0", "x1", "y1")], region.box_px, strict=True
+                )
+            )
+            row[f"{side}_bearing_rad"] = region.bearing_rad
+            row[f"{side}_angular_size_rad"] = region.angular_size_rad
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def region_box(region: Region, rig: CameraRig | None) -> tuple[float, float, float, float]:

@@ -1,0 +1,27 @@
+"""The chain: blocks, the hashes that join them, and each robot's newest transaction."""
+
+from itertools import islice
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.reproduction import Results
+from vrchain.ledger import Ledger
+from vrchain.plots.ledger import ledger_figure, ledger_table
+from vrchain.plots.scripts import run_script
+
+SHOWN = 6
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """The first blocks of the survey's ledger."""
+    with Ledger.open(results.path("survey", "ledger")) as ledger:
+        entries = list(islice(ledger.entries(), SHOWN))
+        title = (
+            f"The first {len(entries)} of {ledger.head.height + 1} blocks of the survey's ledger"
+        )
+    return ledger_figure(entries, title), ledger_table(entries)
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

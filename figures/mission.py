@@ -1,0 +1,18 @@
+"""One mission: the map with the way driven, and the panoramas that its chain of landmarks joins."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.reproduction import Results
+from vrchain.plots.mission import mission_figure, paths_table
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """The mission of the reproduction, and every robot's true path."""
+    run = results.mission()
+    return mission_figure(run), paths_table(run)
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

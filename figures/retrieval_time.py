@@ -1,0 +1,18 @@
+"""Retrieval three ways over the number of positions, beside the paper's value."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.reproduction import Results
+from vrchain.plots.latency import retrieval_time_figure
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """The mean of both robots for each way and number of positions."""
+    retrievals = results.retrievals()
+    return retrieval_time_figure(retrievals, results.note()), pd.concat(retrievals.values())
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

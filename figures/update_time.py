@@ -1,0 +1,19 @@
+"""Update time of R1 and R2 over 40 and 200 positions."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.reproduction import Results
+from vrchain.plots.latency import update_time_figure
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """Each update as a point, the two smaller numbers of positions."""
+    updates = dict(list(results.updates().items())[:2])
+    table = pd.concat(updates, names=["positions"]).reset_index("positions")
+    return update_time_figure(updates, results.note()), table
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

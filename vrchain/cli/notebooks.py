@@ -1,0 +1,66 @@
+"""Executing the notebooks, each in a process of its own, into .ipynb with output and .html."""
+
+import os
+import subprocess
+import sys
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor, as_completed
+from pathlib import Path
+
+from tqdm.auto import tqdm
+
+from vrchain.errors import VRChainError
+from vrchain.experiments.reproduction import Results
+from vrchain.paths import NOTEBOOKS
+
+_LIMIT_S = 900  # a cell
+_AT_ONCE = 2
+
+
+class NotebookError(VRChainError):
+    """A notebook could not be executed."""
+
+
+def run_notebooks(results: Results, folder: Path) -> str:
+    """The stage ``notebooks``: all of them, on the results of a profile, into a folder."""
+    notebooks = sorted(NOTEBOOKS.glob("*.ipynb"), reverse=True)  # the longest are among the last
+    with ThreadPoolExecutor(_AT_ONCE) as pool:
+        started = [pool.submit(execute, notebook, folder, results) for notebook in notebooks]
+        try:
+            for done in tqdm(
+                as_completed(started), total=len(started), desc="notebooks", unit="", disable=None
+            ):
+                done.result()
+        except BaseException:
+            pool.shutdown(cancel_futures=True)
+            raise
+    return f"executed {len(notebooks)} notebooks, as .ipynb and .html"
+
+
+def execute(notebook: Path, folder: Path, results: Results) -> Path:
+    """Execute a notebook with this Python into ``folder``; the path of the executed one.
+
+    NotebookError if a cell fails. The notebook finds the profile by ``Results.here``.
+    """
+    environment = {
+        **os.environ,
+        "VRCHAIN_PROFILE": results.profile.name,
+        "VRCHAIN_BUILD": str(results.build.absolute()),
+        "JUPYTER_PREFER_ENV_PATH": "1",  # the kernel of this Python, not of the user's home
+    }
+    environment.setdefault("PYOPENGL_PLATFORM", "egl")
+    into = ["--output-dir", str(folder)]
+    limit = f"--ExecutePreprocessor.timeout={_LIMIT_S}"
+    _convert([notebook, "--to", "notebook", "--execute", limit, *into], notebook, environment)
+    executed = folder / notebook.name
+    _convert([executed, "--to", "html", *into], notebook, environment)
+    return executed
+
+
+def _convert(arguments: Sequence[str | Path], notebook: Path, environment: dict[str, str]) -> None:
+    command = [sys.executable, "-m", "nbconvert", "--log-level=ERROR", *map(str, arguments)]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode != 0:
+        said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+        reason = said[-1] if said else f"nbconvert ended with status {done.returncode}"
+        raise NotebookError(f"{notebook.name} could not be executed: {reason}")

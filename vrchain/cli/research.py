@@ -1,0 +1,62 @@
+"""The commands that make the paper's evaluation anew: ``reproduce`` and ``figures``."""
+
+from functools import partial
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+ProfileName = Annotated[str, typer.Option("--profile", metavar="quick|paper", help="How large.")]
+
+
+def reproduce(
+    profile: ProfileName = "quick",
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="NAME ...", help="Redo these stages, keep the others' results."),
+    ] = None,
+    names: Annotated[list[str] | None, typer.Argument(hidden=True)] = None,
+) -> None:
+    """Make the paper's evaluation anew: results, figures, executed notebooks.
+
+    Stages, in order: survey, update, retrieval, landmarks, mission, figures, notebooks.
+    """
+    from vrchain.cli.notebooks import run_notebooks
+    from vrchain.experiments import reproduction
+    from vrchain.plots.mission import save_pictures
+    from vrchain.plots.scripts import run_figures
+
+    if names and not only:
+        raise reproduction.ReproductionError(
+            f"unexpected {' '.join(names)}: to redo single stages, put --only before their names"
+        )
+    results = reproduction.Results(reproduction.profile_named(profile))
+    stages: dict[str, reproduction.Stage] = {
+        **reproduction.STAGES,
+        "mission": partial(reproduction.run_mission, draw=save_pictures),
+        "figures": run_figures,
+        "notebooks": run_notebooks,
+    }
+    reproduction.reproduce(
+        results, [*(only or ()), *(names or ())], stages, partial(print, flush=True)
+    )
+
+
+def figures(
+    names: Annotated[
+        list[str] | None, typer.Argument(metavar="[NAME ...]", help="Which; all if none is named.")
+    ] = None,
+    profile: ProfileName = "quick",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Elsewhere than figures/.")
+    ] = None,
+) -> None:
+    """Draw the figures, each as PNG, PDF and CSV beside its script in figures/."""
+    from vrchain.experiments import reproduction
+    from vrchain.paths import FIGURES
+    from vrchain.plots.scripts import run_scripts
+
+    results = reproduction.Results(reproduction.profile_named(profile))
+    folder = output or FIGURES
+    drawn = run_scripts(results, folder, names or ())
+    print(f"drew {', '.join(drawn)} into {folder}")

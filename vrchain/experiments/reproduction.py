@@ -1,0 +1,385 @@
+"""The paper's evaluation, stage by stage, from the suburb to the numbers of its table.
+
+Each stage writes one folder, ``build/PROFILE/STAGE``, whole or not at all. *Positions* are always
+those in the ledger, of R1 and R2 together: at 40 positions each robot has published 20 times.
+"""
+
+import json
+import os
+import pickle
+import tempfile
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from vrchain.errors import VRChainError
+from vrchain.experiments import landmarks, latency, mission, survey
+from vrchain.files import output_folder
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import compare
+from vrchain.landmarks.sift import Features, extract
+from vrchain.ledger import Ledger
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.paths import BUILD, SCENES
+from vrchain.render import Renderer
+from vrchain.scene import load_scene
+from vrchain.scene.model import Scene
+
+ROBOTS = ("R1", "R2")
+SCENE = SCENES / "suburb.yaml"
+MARKER = "stage.json"
+
+
+class ReproductionError(VRChainError):
+    """No such profile or stage, or the results that a stage goes on from are missing."""
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How large a reproduction is."""
+
+    name: str
+    rig: CameraRig  # of the robots that survey the suburb; pairs and mission: ``fine_rig``
+    fine_rig: CameraRig = field(default_factory=CameraRig)
+    seed: int = 10_000
+    positions: tuple[int, ...] = (40, 200, 500)
+    pairs_a_band: int = 8  # random pairs of places
+    bands_m: tuple[tuple[float, float], ...] = ((5.0, 10.0), (10.0, 20.0))
+    survey_pairs: int = 12  # at most, of R1's and R2's panoramas, for each number of positions
+    retrieval_samples: int = 30
+    vision_samples: int = 5
+
+
+_SMALL = CameraRig(width_px=320, height_px=240)
+_TINY = CameraRig(width_px=160, height_px=120)
+PROFILES = {
+    profile.name: profile
+    for profile in (
+        Profile("quick", _SMALL),
+        Profile(
+            "paper",
+            CameraRig(),
+            pairs_a_band=60,
+            survey_pairs=60,
+            retrieval_samples=100,
+            vision_samples=20,
+        ),
+        Profile("smoke", _TINY, _TINY, 3_000, (4, 8, 12), 2, survey_pairs=2, vision_samples=1),
+    )
+}
+ADVERTISED = ("quick", "paper")  # smoke is for the project's own tests
+
+
+def profile_named(name: str) -> Profile:
+    """A profile by its name; ReproductionError if there is none."""
+    if name not in PROFILES:
+        raise ReproductionError(f"expected a profile of {', '.join(ADVERTISED)}, got {name!r}")
+    return PROFILES[name]
+
+
+@dataclass(frozen=True)
+class Results:
+    """The results of a profile, below the folder ``build``."""
+
+    profile: Profile
+    build: Path = BUILD
+
+    @classmethod
+    def here(cls) -> "Results":
+        """Those that a figure's script or a notebook shows: the environment may say which.
+
+        VRCHAIN_PROFILE is a profile's name, VRCHAIN_BUILD a folder.
+        """
+        profile = profile_named(os.environ.get("VRCHAIN_PROFILE", "quick"))
+        return cls(profile, Path(os.environ.get("VRCHAIN_BUILD", BUILD)))
+
+    @property
+    def folder(self) -> Path:
+        """Where its stages' folders are."""
+        return self.build / self.profile.name
+
+    def has(self, stage: str) -> bool:
+        """Whether a stage's results are there, made with the profile as it is now."""
+        try:
+            return (self.folder / stage / MARKER).read_text() == self.marker(stage)
+        except OSError:
+            return False
+
+    def marker(self, stage: str) -> str:
+        """The content of a finished stage's marker file."""
+        return json.dumps({"stage": stage, "profile": asdict(self.profile)}, indent=2) + "\n"
+
+    def path(self, stage: str, name: str) -> Path:
+        """A file or folder of a stage; ReproductionError if the stage has not been run."""
+        if not self.has(stage):
+            raise ReproductionError(
+                f"{self.folder / stage} holds no results of this version: "
+                f"run `vrchain reproduce --profile {self.profile.name} --only {stage}` first"
+            )
+        return self.folder / stage / name
+
+    def table(self, stage: str, name: str) -> pd.DataFrame:
+        """A stage's CSV."""
+        return pd.read_csv(self.path(stage, f"{name}.csv"))
+
+    def updates(self) -> dict[int, pd.DataFrame]:
+        """``latency.update_latency`` by number of positions."""
+        return {n: self.table("update", f"update_{n}") for n in self.profile.positions}
+
+    def retrievals(self) -> dict[int, pd.DataFrame]:
+        """``latency.retrieval_latency`` by number of positions."""
+        found = self.table("retrieval", "retrieval")
+        return {n: found[found.ledger_positions == n] for n in self.profile.positions}
+
+    def qualities(self) -> pd.DataFrame:
+        """Common landmarks of R1's and R2's panoramas, one row a number of positions."""
+        return self.table("landmarks", "survey_summary")
+
+    def summary(self) -> pd.DataFrame:
+        """The paper's table: ``latency.summary_table``."""
+        found = self.qualities()
+        qualities = dict(zip(self.profile.positions, found.quality_m_mean, strict=True))
+        return latency.summary_table(self.updates(), self.retrievals(), qualities)
+
+    def note(self) -> str:
+        """What the latency figures were measured on, for their captions."""
+        payload_bytes = self.table("retrieval", "throughput").payload_bytes[0]
+        return (
+            f"Profile {self.profile.name}: panoramas of {rig_text(self.profile.rig)}, "
+            f"{payload_bytes / 1000:.0f} kB each; simulated robots, one machine."
+        )
+
+    def mission(self) -> mission.MissionRun:
+        """The mission that was driven."""
+        with open(self.path("mission", "run.pickle"), "rb") as file:
+            run: mission.MissionRun = pickle.load(file)
+        return replace(run, scene=suburb())
+
+
+@cache
+def suburb() -> Scene:
+    """The scene of the reproduction."""
+    return load_scene(SCENE)
+
+
+Stage = Callable[[Results, Path], str]
+"""Writes a stage's results into a folder; says in a line what it did."""
+
+
+def run_survey(results: Results, folder: Path) -> str:
+    """R1 and R2 wander and publish until the largest number of positions is in the ledger."""
+    profile = results.profile
+    found = survey.survey(
+        suburb(), folder / "ledger", max(profile.positions), seed=profile.seed, rig=profile.rig
+    )
+    found.to_csv(folder / "survey.csv", index=False)
+    rules = ", ".join(f"{rule} {n}" for rule, n in found.rule.value_counts().items())
+    return f"{len(found)} positions of R1 and R2 with {rig_text(profile.rig)}; rules: {rules}"
+
+
+def run_update(results: Results, folder: Path) -> str:
+    """Update time over each number of positions, in a new ledger for each."""
+    _, payloads = _surveyed(results)
+    means = []
+    for n in results.profile.positions:
+        found = latency.update_latency(
+            payloads[:n], folder / f"ledger_{n}", ROBOTS, results.profile.seed
+        )
+        found.insert(0, "ledger_position", np.arange(1, n + 1))
+        found.to_csv(folder / f"update_{n}.csv", index=False)
+        means.append(f"{found.total_us.mean() / 1e3:.2f} ms over {n}")
+    return f"mean update {', '.join(means)} positions"
+
+
+def run_retrieval(results: Results, folder: Path) -> str:
+    """Retrieval three ways from the ledgers of the updates; throughput; what vision takes."""
+    profile = results.profile
+    tables = []
+    for n in profile.positions:
+        with Ledger.open(results.path("update", f"ledger_{n}")) as ledger:
+            table = latency.retrieval_latency(
+                ledger, ROBOTS, profile.retrieval_samples, common_landmark
+            )
+        table.insert(0, "ledger_positions", n)
+        tables.append(table)
+    found = pd.concat(tables)
+    found.to_csv(folder / "retrieval.csv", index=False)
+    payloads = _surveyed(results)[1][: profile.positions[1]]
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        rates = latency.throughput(payloads, Path(scratch) / "ledger", ROBOTS, profile.seed)
+    rates.to_csv(folder / "throughput.csv", index=False)
+    vision_latency(profile).to_csv(folder / "vision.csv", index=False)
+    means = found.groupby("way").median_us.mean()
+    times = ", ".join(f"{way.replace('_', ' ')} {means[way]:.3g} us" for way in latency.RETRIEVALS)
+    return f"{times}; {rates.updates_per_s[0]:.0f} updates a second"
+
+
+def run_landmarks(results: Results, folder: Path) -> str:
+    """How good common landmarks are: between R1's and R2's panoramas, and over distance."""
+    profile = results.profile
+    surveyed, payloads = _surveyed(results)
+    summaries = []
+    for n in profile.positions:
+        looks = _looks(_team_pairs(surveyed[:n], profile.survey_pairs), surveyed, payloads)
+        claims = landmarks.claims_of(looks, suburb(), profile.rig)
+        claims.to_csv(folder / f"survey_{n}.csv", index=False)
+        summaries.append({"positions": n, **landmarks.summarise(claims)})
+    pd.DataFrame(summaries).to_csv(folder / "survey_summary.csv", index=False)
+    tables = []
+    for low_m, high_m in profile.bands_m:
+        claims = landmarks.landmark_pairs(
+            suburb(), profile.pairs_a_band, (low_m, high_m), seed=profile.seed, rig=profile.fine_rig
+        )
+        claims.insert(0, "band_m", f"{low_m:g}-{high_m:g}")
+        tables.append(claims)
+    pd.concat(tables).to_csv(folder / "pairs.csv", index=False)
+    rows = [{"band_m": t.band_m[0], **landmarks.summarise(t)} for t in tables]
+    pd.DataFrame(rows).to_csv(folder / "pairs_summary.csv", index=False)
+    shown = ", ".join(f"{r['precision']:.2f} at {r['band_m']} m" for r in rows)
+    return f"precision {shown}, {profile.pairs_a_band} random pairs each"
+
+
+def run_mission(
+    results: Results,
+    folder: Path,
+    draw: Callable[[mission.MissionRun, Path], object] = lambda run, folder: None,
+) -> str:
+    """One mission; ``draw`` may add pictures of it to the folder."""
+    profile = results.profile
+    run = mission.run(suburb(), folder / "ledger", seed=profile.seed, rig=profile.fine_rig)
+    mission.save_log(run, folder)
+    with open(folder / "run.pickle", "wb") as file:
+        pickle.dump(replace(run, scene=None), file)  # type: ignore[arg-type]
+    draw(run, folder)
+    outcome = "arrived" if run.result.arrived else f"gave up ({run.result.reason})"
+    truth = "a success" if run.success else "no success"
+    return f"{run.robot} {outcome}, {run.range_m:.1f} m from {run.task.goal}: {truth}"
+
+
+STAGES: dict[str, Stage] = {
+    "survey": run_survey,
+    "update": run_update,
+    "retrieval": run_retrieval,
+    "landmarks": run_landmarks,
+    "mission": run_mission,
+}
+NEEDS = {
+    "update": ("survey",),
+    "retrieval": ("survey", "update"),
+    "landmarks": ("survey",),
+    "figures": tuple(STAGES),
+    "notebooks": tuple(STAGES),
+}
+
+
+def reproduce(
+    results: Results,
+    names: Sequence[str] = (),
+    stages: dict[str, Stage] = STAGES,
+    tell: Callable[[str], object] = print,
+) -> None:
+    """Run the named stages (all, if none is named) in their order, telling of each in one line.
+
+    ReproductionError, before anything is run, if there is no such stage or if what a stage needs
+    is neither there nor about to be made.
+    """
+    for name in names:
+        if name not in stages:
+            raise ReproductionError(f"expected stages of {', '.join(stages)}, got {name!r}")
+    chosen = [stage for stage in stages if stage in names or not names]
+    for stage in chosen:
+        missing = [n for n in NEEDS.get(stage, ()) if n not in chosen and not results.has(n)]
+        if missing:
+            raise ReproductionError(
+                f"the stage {stage} needs the results of {', '.join(missing)}: run `vrchain "
+                f"reproduce --profile {results.profile.name} --only {' '.join([*missing, stage])}`"
+            )
+    for stage in chosen:
+        start = perf_counter()
+        with output_folder(results.folder / stage, MARKER) as folder:
+            said = stages[stage](results, folder)
+            (folder / MARKER).write_text(results.marker(stage))
+        tell(f"{stage:10} {said} ({perf_counter() - start:.1f} s)")
+
+
+def common_landmark(own: bytes, other: bytes) -> object:
+    """The surest common landmark of two encoded panoramas, None if there is none."""
+    a, b = Panorama.decode(own), Panorama.decode(other)
+    found = compare(extract(a), extract(b), a.rig).common
+    return found[0] if found else None
+
+
+def vision_latency(profile: Profile) -> pd.DataFrame:
+    """What is no part of an update: drawing, coding, and comparing panoramas.
+
+    One row per (step, rig): step, rig, n_samples, median_ms, mean_ms.
+    """
+    rows = []
+    renderer = Renderer(suburb())
+    rigs = {rig_text(rig): rig for rig in (profile.rig, profile.fine_rig)}
+    for text, rig in rigs.items():
+        times: dict[str, list[float]] = {}
+        pairs = landmarks.draw_pairs(suburb(), profile.vision_samples, (5.0, 10.0), profile.seed)
+        for poses in pairs:
+            a, b = (_timed(times, "render", renderer.render, pose, rig) for pose in poses)
+            blob = _timed(times, "encode", a.encode)
+            _timed(times, "decode", Panorama.decode, blob)
+            features = [_timed(times, "extract", extract, panorama) for panorama in (a, b)]
+            _timed(times, "compare", compare, *features, rig)
+        for step, ms in times.items():
+            measured = {"median_ms": np.median(ms), "mean_ms": np.mean(ms)}
+            rows.append({"step": step, "rig": text, "n_samples": len(ms), **measured})
+    return pd.DataFrame(rows)
+
+
+def rig_text(rig: CameraRig) -> str:
+    """A rig in words: 8 views of 640 x 480."""
+    return f"{rig.n_views} views of {rig.width_px} x {rig.height_px}"
+
+
+def _timed(times: dict[str, list[float]], step: str, call: Callable[..., Any], *given: Any) -> Any:
+    start = perf_counter()
+    answer = call(*given)
+    times.setdefault(step, []).append((perf_counter() - start) * 1e3)
+    return answer
+
+
+def _surveyed(results: Results) -> tuple[pd.DataFrame, list[bytes]]:
+    """The survey's rows and payloads, R1's and R2's in turn."""
+    found = results.table("survey", "survey")
+    turn = found.groupby("robot").cumcount()
+    found = found.assign(turn=turn).sort_values(["turn", "robot"], ignore_index=True)
+    with Ledger.open(results.path("survey", "ledger")) as ledger:
+        payloads = [ledger.payload(bytes.fromhex(digest)) for digest in found.digest]
+    return found, payloads
+
+
+def _team_pairs(surveyed: pd.DataFrame, most: int, reach_m: float = 20.0) -> list[tuple[int, int]]:
+    """Rows of R1's positions, each with R2's nearest, if 2 to ``reach_m`` metres apart; thinned."""
+    first, second = (surveyed[surveyed.robot == robot] for robot in ROBOTS)
+    places = [rows[["x_m", "y_m"]].to_numpy() for rows in (first, second)]
+    apart_m = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
+    apart_m[apart_m < 2.0] = np.inf
+    nearest = apart_m.argmin(axis=1)
+    pairs = [
+        (int(first.index[i]), int(second.index[j]))
+        for i, j in enumerate(nearest)
+        if apart_m[i, j] <= reach_m
+    ]
+    kept = np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int)
+    return [pairs[k] for k in kept]
+
+
+def _looks(
+    pairs: Iterable[tuple[int, int]], surveyed: pd.DataFrame, payloads: Sequence[bytes]
+) -> Iterable[tuple[tuple[Pose, Pose], tuple[Features, ...]]]:
+    """True poses and features of pairs of the survey's rows."""
+    for pair in pairs:
+        a, b = (Pose(*surveyed.loc[i, ["x_m", "y_m", "yaw_rad"]].astype(float)) for i in pair)
+        yield (a, b), tuple(extract(Panorama.decode(payloads[i])) for i in pair)

@@ -1,0 +1,80 @@
+"""Running the scripts in ``figures/``: each draws one figure as PNG, PDF and CSV, named alike.
+
+A script has ``draw(results)``, which returns the figure and the table of what it shows.
+"""
+
+import runpy
+import shutil
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import pandas as pd
+from matplotlib.figure import Figure
+from tqdm.auto import tqdm
+
+from vrchain.errors import VRChainError
+from vrchain.experiments.reproduction import ADVERTISED, Results
+from vrchain.files import write_file
+from vrchain.paths import FIGURES
+from vrchain.plots.save import save_figure
+
+Draw = Callable[[Results], tuple[Figure, pd.DataFrame]]
+
+
+class FigureError(VRChainError):
+    """There is no such figure, or some could not be drawn."""
+
+
+def figure_names(scripts: Path = FIGURES) -> list[str]:
+    """The figures that have a script, sorted."""
+    return sorted(script.stem for script in scripts.glob("*.py"))
+
+
+def save_drawn(name: str, draw: Draw, results: Results, folder: Path) -> None:
+    """Draw one figure and write NAME.png, NAME.pdf and NAME.csv."""
+    figure, table = draw(results)
+    save_figure(figure, folder / name)
+    write_file(folder / f"{name}.csv", table.to_csv(index=False).encode())
+
+
+def run_script(script: str, draw: Draw) -> None:
+    """What a script does when it is run by itself; see ``Results.here`` for the profile."""
+    path = Path(script)
+    save_drawn(path.stem, draw, Results.here(), path.resolve().parent)
+    print(f"wrote {path.stem}.png, .pdf, .csv beside {path}")
+
+
+def run_scripts(
+    results: Results, folder: Path, names: Sequence[str] = (), scripts: Path = FIGURES
+) -> list[str]:
+    """Draw the named figures (all, if none is named) into a folder; their names.
+
+    One that fails does not keep the others from being drawn. FigureError then, or if there is no
+    such figure.
+    """
+    known = figure_names(scripts)
+    for name in names:
+        if name not in known:
+            raise FigureError(f"expected figures of {', '.join(known)}, got {name!r}")
+    chosen, failed = list(names) or known, []
+    for name in tqdm(chosen, desc="figures", unit="", disable=None):
+        try:
+            draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
+            save_drawn(name, draw, results, folder)
+        except Exception as error:  # a script may fail in any way; say so and go on
+            failed.append(f"{name}: {type(error).__name__}: {' '.join(str(error).split())}")
+    if failed:
+        print("\n".join(["could not draw", *failed]))
+        names_only = ", ".join(line.partition(":")[0] for line in failed)
+        raise FigureError(f"{len(failed)} of {len(chosen)} figures failed: {names_only}; see above")
+    return chosen
+
+
+def run_figures(results: Results, folder: Path) -> str:
+    """The stage ``figures``: all of them, also beside their scripts."""
+    drawn = run_scripts(results, folder)
+    beside = results.profile.name in ADVERTISED
+    if beside:
+        for path in sorted(folder.iterdir()):
+            shutil.copyfile(path, FIGURES / path.name)
+    return f"{len(drawn)} figures" + (f", also in {FIGURES.name}/" if beside else "")
