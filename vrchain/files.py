@@ -13,7 +13,9 @@ from vrchain.errors import OutputError
 def check_output_folder(folder: Path, marker: str) -> None:
     """Raise OutputError unless ``folder`` is new, empty, or an earlier result (holds ``marker``)."""
     if folder.exists() and not folder.is_dir():
-        raise OutputError(f"expected a folder to write to, but {folder} is a file: choose another -o")
+        raise OutputError(
+            f"expected a folder to write to, but {folder} is a file: choose another -o"
+        )
     if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).is_file():
         raise OutputError(
             f"{folder} is not empty and holds no {marker} of an earlier run: "

@@ -4,6 +4,7 @@ Columns of the cylinder are bearings. The middle column looks ahead, the left ha
 (positive bearings); rows are slopes (tangent of elevation), the middle row is the horizon.
 """
 
+import itertools
 import json
 import struct
 from dataclasses import asdict, dataclass
@@ -86,7 +87,9 @@ class CameraRig:
         """(rows, columns) of the cylinder: full view resolution, rows that every view fills."""
         columns = round(self.focal_px * self.span_rad)
         half_step_rad = self.span_rad / self.n_views / 2
-        rows = 2 * int(self.height_px / 2 * np.cos(half_step_rad) * columns / self.span_rad / self.focal_px)
+        rows = 2 * int(
+            self.height_px / 2 * np.cos(half_step_rad) * columns / self.span_rad / self.focal_px
+        )
         return rows, columns
 
     @property
@@ -121,7 +124,7 @@ class CameraRig:
         self, view: ArrayLike, bearing_rad: ArrayLike, slope: ArrayLike
     ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Pixels (x, y) in ``view`` of directions; valid within 90 degrees of the view's axis."""
-        delta = np.asarray(bearing_rad, dtype=float) - self.azimuths_rad[view]
+        delta = np.asarray(bearing_rad, dtype=float) - self.azimuths_rad[np.asarray(view)]
         x_px = self.width_px / 2 - 0.5 - self.focal_px * np.tan(delta)
         y_px = self.height_px / 2 - 0.5 - self.focal_px * np.asarray(slope) / np.cos(delta)
         return x_px, y_px
@@ -152,7 +155,9 @@ def _cylinder_maps(rig: CameraRig) -> list[tuple[slice | NDArray[np.int64], NDAr
     for view in range(rig.n_views):
         own = np.flatnonzero(owner == view)
         x_px, y_px = rig.project(view, bearing[own][None, :], slope[:, None])
-        maps.append((own, np.broadcast_to(x_px, y_px.shape).astype(np.float32), y_px.astype(np.float32)))
+        maps.append(
+            (own, np.broadcast_to(x_px, y_px.shape).astype(np.float32), y_px.astype(np.float32))
+        )
     return maps
 
 
@@ -179,7 +184,9 @@ class Panorama:
         """The views joined: (rows, columns, 3) uint8 RGB, see ``CameraRig.cylinder_shape``."""
         joined = np.empty((*self.rig.cylinder_shape, 3), dtype=np.uint8)
         for view, (own, x_px, y_px) in zip(self.views, _cylinder_maps(self.rig), strict=True):
-            joined[:, own] = cv2.remap(view, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
+            joined[:, own] = cv2.remap(
+                view, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            )
         return joined
 
     def encode(self, jpeg_quality: int = _JPEG_QUALITY) -> bytes:
@@ -205,7 +212,9 @@ class Panorama:
         fits = len(sizes) == rig.n_views and ends[-1] == len(blob)
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
             raise ImageError("encoded panorama: its table of views does not fit its bytes")
-        views = [_decode_image(blob[a:b], "a view") for a, b in zip(ends[:-1], ends[1:], strict=True)]
+        views = [
+            _decode_image(blob[a:b], "a view") for a, b in itertools.pairwise(ends)
+        ]
         if any(v.shape != (rig.height_px, rig.width_px, 3) for v in views):
             raise ImageError("encoded panorama: a view has another size than its rig says")
         return cls(rig, np.stack(views))
@@ -282,9 +291,13 @@ def _encode_jpeg(view: NDArray[np.uint8], quality: int) -> bytes:
 
 def _decode_image(content: bytes, what: str) -> NDArray[np.uint8]:
     try:
-        image = cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR) if content else None
+        image = (
+            cv2.imdecode(np.frombuffer(content, dtype=np.uint8), cv2.IMREAD_COLOR)
+            if content
+            else None
+        )
     except cv2.error as error:
         raise ImageError(f"{what}: the image cannot be decoded ({error.err})") from error
     if image is None:
         raise ImageError(f"{what}: expected an image (JPEG, PNG, ...), got something else")
-    return cv2.cvtColor(image, cv2.COLOR_BGR2RGB)
+    return np.asarray(cv2.cvtColor(image, cv2.COLOR_BGR2RGB), dtype=np.uint8)

@@ -85,7 +85,9 @@ class Renderer:
         from pyrender import RenderFlags
 
         if self._by_object is None:
-            self._by_object = self._prepare([join_by_texture(o.surfaces) for o in self.scene.objects])
+            self._by_object = self._prepare(
+                [join_by_texture(o.surfaces) for o in self.scene.objects]
+            )
         ids = {node: int(node.name) + 1 for node in self._by_object.mesh_nodes}
         colours = {node: (i & 255, i >> 8 & 255, i >> 16) for node, i in ids.items()}
         views = self._views(
@@ -111,7 +113,10 @@ class Renderer:
         import pyrender
 
         camera = pyrender.PerspectiveCamera(
-            rig.vertical_field_of_view_rad, _NEAR_M, _FAR_M, aspectRatio=rig.width_px / rig.height_px
+            rig.vertical_field_of_view_rad,
+            _NEAR_M,
+            _FAR_M,
+            aspectRatio=rig.width_px / rig.height_px,
         )
         node = drawable.add(camera)
         drawable.main_camera_node = node

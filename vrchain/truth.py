@@ -49,7 +49,9 @@ class GroundTruth:
         Returns object ids (...) int32 and distances in units of the directions' lengths
         (...) float32, infinite for the sky.
         """
-        rays = np.concatenate(np.broadcast_arrays(origins_m, directions), axis=-1).astype(np.float32)
+        rays = np.concatenate(np.broadcast_arrays(origins_m, directions), axis=-1).astype(
+            np.float32
+        )
         hit = self._caster.cast_rays(self._to_tensor(rays.reshape(-1, 6)))
         triangle = hit["primitive_ids"].numpy().astype(np.int64).reshape(rays.shape[:-1])
         distance = hit["t_hit"].numpy().reshape(rays.shape[:-1])
@@ -83,12 +85,12 @@ class GroundTruth:
         """
         rig = rig or CameraRig()
         columns = round(np.degrees(rig.span_rad) * _GRID_PER_DEG)
-        top = rig.slope_of_row(-0.5)
-        rows = round(np.degrees(2 * top) * _GRID_PER_DEG)
+        top = float(rig.slope_of_row(-0.5))
+        rows = round(float(np.degrees(2 * top)) * _GRID_PER_DEG)
         bearing = rig.span_rad / 2 - (np.arange(columns) + 0.5) * rig.span_rad / columns
         slope = top - (np.arange(rows) + 0.5) * 2 * top / rows
-        grid = np.broadcast_arrays(bearing[None, :], slope[:, None])
-        object_id, points = self.look_along(pose, *grid, rig)
+        bearings, slopes = np.broadcast_arrays(bearing[None, :], slope[:, None])
+        object_id, points = self.look_along(pose, bearings, slopes, rig)
         # a cell of azimuth and slope covers less solid angle away from the horizon
         cell_deg2 = np.degrees(rig.span_rad / columns) * np.degrees(2 * top / rows)
         area = np.broadcast_to((cell_deg2 / (1 + slope**2) ** 1.5)[:, None], object_id.shape)

@@ -5,7 +5,6 @@ Exit status 0, or not 0 with one line that says what was expected, what came, ho
 
 import sys
 
-import click
 import typer
 
 from vrchain import __version__
@@ -20,10 +19,11 @@ app = typer.Typer(
 )
 app.add_typer(scene.app, name="scene")
 app.add_typer(ledger.app, name="ledger")
-for command in (robots.panorama, robots.landmarks, robots.navigate):
-    app.command()(command)
-for command in (research.reproduce, research.figures):
-    app.command()(command)
+app.command()(robots.panorama)
+app.command()(robots.landmarks)
+app.command()(robots.navigate)
+app.command()(research.reproduce)
+app.command()(research.figures)
 
 
 @app.command()
@@ -38,9 +38,9 @@ def main() -> None:
         status = app(standalone_mode=False)
     except VRChainError as error:
         status = _fail(" ".join(str(error).split()), 1)
-    except click.ClickException as error:
+    except typer.TyperException as error:
         status = _fail(f"{error.format_message()} (see `vrchain --help`)", 2)
-    except (KeyboardInterrupt, click.Abort):
+    except (KeyboardInterrupt, typer.Abort):
         status = _fail("interrupted: nothing half-written is left", 130)
     except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
         sys.stderr.close()

@@ -20,23 +20,24 @@ def info(spec: Spec, as_json: Json = False) -> None:
     from vrchain.scene import load_scene
 
     scene = load_scene(spec)
-    table = scene.table
     if as_json:
         objects = [
             {
-                "name": row.name,
-                "kind": row.kind,
-                "model": row.model,
-                "landmark": bool(row.landmark),
-                "centre_m": [round(v, 3) for v in (row.centre_x_m, row.centre_y_m, row.centre_z_m)],
-                "size_m": [round(v, 3) for v in (row.size_x_m, row.size_y_m, row.size_z_m)],
+                "name": o.name,
+                "kind": o.kind,
+                "model": o.model,
+                "landmark": o.landmark,
+                "centre_m": o.bounds_m.mean(axis=0).round(3).tolist(),
+                "size_m": [round(v, 3) for v in o.size_m],
             }
-            for row in table.itertuples(index=False)
+            for o in scene.objects
         ]
         print(json.dumps({"name": scene.name, "extent_m": scene.extent_m, "objects": objects}))
         return
     print(f"{scene.name}: {scene.extent_m[0]:g} x {scene.extent_m[1]:g} m")
-    print(table.groupby("kind").agg(count=("name", "size"), landmark=("landmark", "first")).to_string())
+    table = scene.table
+    counts = table.groupby("kind").agg(count=("name", "size"), landmark=("landmark", "first"))
+    print(counts.to_string())
     print(table.round(2).to_string(index=False))
 
 

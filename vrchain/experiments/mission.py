@@ -103,9 +103,7 @@ def run(
             return {n: t.payload_digest for n, t in found.items() if t is not None}
 
         panoramas = {n: index.panorama(d) for n, d in newest().items()}
-        result = run_mission(
-            robot, robots[robot], newest, index, goal_of(pictures), config, tell
-        )
+        result = run_mission(robot, robots[robot], newest, index, goal_of(pictures), config, tell)
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)
     target = scene.index_of(task.goal)

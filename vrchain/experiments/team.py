@@ -235,7 +235,9 @@ def assemble(
     }
 
 
-def drive_to_places(simulator: Simulator, robots: Mapping[str, PublishingRobot], task: Task) -> None:
+def drive_to_places(
+    simulator: Simulator, robots: Mapping[str, PublishingRobot], task: Task
+) -> None:
     """All robots drive to their places at once, by odometry, and publish as they go.
 
     Then they wait until the third rule, time, has had each publish what it sees from there.
@@ -336,5 +338,7 @@ def _goal_ids(scene: Scene, goal: str | None) -> list[int]:
             f"the scene has no object {goal!r}: see `vrchain scene info` for its objects"
         ) from None
     if not scene.objects[target].landmark:
-        raise MissionError(f"{goal!r} is no landmark and cannot be a goal: choose a standing object")
+        raise MissionError(
+            f"{goal!r} is no landmark and cannot be a goal: choose a standing object"
+        )
     return [target]

@@ -72,7 +72,9 @@ class Comparison:
     geometry: PlanarGeometry | None
 
 
-def compare(a: Features, b: Features, rig: CameraRig, config: MatchConfig | None = None) -> Comparison:
+def compare(
+    a: Features, b: Features, rig: CameraRig, config: MatchConfig | None = None
+) -> Comparison:
     """Common landmarks of two panoramas of one rig, by SIFT and the planar epipolar constraint."""
     config = config or MatchConfig()
     index_a, index_b = mutual_matches(a.descriptors, b.descriptors, config.ratio)
@@ -87,25 +89,24 @@ def compare(a: Features, b: Features, rig: CameraRig, config: MatchConfig | None
     if geometry is None:
         return Comparison((), None)
     inlier = np.flatnonzero(geometry.inliers)
-    places = [
+    places_a, places_b = (
         np.column_stack([np.cos(f.bearing_rad), np.sin(f.bearing_rad), f.slope])[inlier]
         for f in (matched_a, matched_b)
-    ]
+    )
     claims = []
-    for members in group_by_nearness(*places, config.group_rad):
+    for members in group_by_nearness(places_a, places_b, config.group_rad):
         chosen = inlier[members]
         standing = all(np.max(f.slope[chosen]) > config.min_slope for f in (matched_a, matched_b))
         score = support_score(len(chosen))
         if len(chosen) < config.min_support or not standing or score < config.min_score:
             continue
         region_a, region_b = (panorama_region(f.take(chosen), rig) for f in (matched_a, matched_b))
-        ranges = geometry.ranges(region_a.bearing_rad, region_b.bearing_rad)
+        bearings = (circular_mean_rad(f.bearing_rad[chosen]) for f in (matched_a, matched_b))
+        ranges = geometry.ranges(*bearings)
         if max(ranges) > config.max_range:
             continue
         claims.append(
-            CommonLandmark(
-                score, region_a, region_b, index_a[chosen], index_b[chosen], ranges
-            )
+            CommonLandmark(score, region_a, region_b, index_a[chosen], index_b[chosen], ranges)
         )
     return Comparison(tuple(sorted(claims, key=lambda c: -c.score)), geometry)
 
@@ -155,7 +156,9 @@ def panorama_region(support: Features, rig: CameraRig) -> Region:
     bearing = float(wrap_angle_rad(middle + (left + right) / 2))
     view = int(rig.view_of_bearing(bearing))
     half = (left - right) / 2
-    sides = np.clip(wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.array([-half, half]), -1.4, 1.4)
+    sides = np.clip(
+        wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.array([-half, half]), -1.4, 1.4
+    )
     x_px, y_px = rig.project(view, rig.azimuths_rad[view] + sides[:, None], np.array([[low, high]]))
     box = (
         float(np.clip(x_px.min(), 0, rig.width_px)),

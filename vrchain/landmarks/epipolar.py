@@ -114,7 +114,13 @@ def _from_two(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _inliers(
-    theta: Array, psi: Array, alpha: Array, t_a: Array, beta: Array, t_b: Array, tolerance_rad: float
+    theta: Array,
+    psi: Array,
+    alpha: Array,
+    t_a: Array,
+    beta: Array,
+    t_b: Array,
+    tolerance_rad: float,
 ) -> NDArray[np.bool_]:
     """(k hypotheses, m matches) bool: small Sampson distance, and the point in front of both."""
     da, db = alpha[None] - theta[:, None], beta[None] - psi[:, None]

@@ -24,8 +24,12 @@ from vrchain.panorama import CameraRig, Panorama, read_image
 _LONGEST_SIDE_PX = 1000
 _RATIO = 0.8
 _TOLERANCE_PX = 1.5
-_MIN_INLIERS = 20  # of unrelated pictures a fundamental matrix satisfies about a dozen matches by chance
-_GROUP_SHARE = 0.12  # of the longest side: matches nearer than this in both pictures belong together
+_MIN_INLIERS = (
+    20  # of unrelated pictures a fundamental matrix satisfies about a dozen matches by chance
+)
+_GROUP_SHARE = (
+    0.12  # of the longest side: matches nearer than this in both pictures belong together
+)
 _MIN_SUPPORT = 8
 
 
@@ -76,7 +80,9 @@ def landmarks_of_files(a: str | Path, b: str | Path) -> FileComparison:
     """
     left, right = _load(a), _load(b)
     if isinstance(left, Panorama) and isinstance(right, Panorama):
-        return FileComparison(common_landmarks(left, right), left.cylinder, right.cylinder, left.rig)
+        return FileComparison(
+            common_landmarks(left, right), left.cylinder, right.cylinder, left.rig
+        )
     views_a, views_b = _views(left), _views(right)
     found = {
         (i, j): photo_landmarks(view_a, view_b)
@@ -99,16 +105,15 @@ def _load(path: str | Path) -> Panorama | NDArray[np.uint8]:
 def _detect_scaled(image_rgb: NDArray[np.uint8]) -> tuple[Keypoints, float]:
     scale = min(1.0, _LONGEST_SIDE_PX / max(image_rgb.shape[:2]))
     if scale < 1:
-        image_rgb = cv2.resize(image_rgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        smaller = cv2.resize(image_rgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        return detect(np.asarray(smaller, dtype=np.uint8)), scale
     return detect(image_rgb), scale
 
 
 def _fundamental_inliers(xy_a: NDArray[np.float64], xy_b: NDArray[np.float64]) -> NDArray[np.bool_]:
     if len(xy_a) < _MIN_INLIERS:
         return np.zeros(len(xy_a), dtype=bool)
-    matrix, mask = cv2.findFundamentalMat(
-        xy_a, xy_b, cv2.USAC_MAGSAC, _TOLERANCE_PX, 0.999, 10000
-    )
+    matrix, mask = cv2.findFundamentalMat(xy_a, xy_b, cv2.USAC_MAGSAC, _TOLERANCE_PX, 0.999, 10000)
     return np.zeros(len(xy_a), dtype=bool) if matrix is None else mask.ravel().astype(bool)
 
 

@@ -57,12 +57,12 @@ def judge(
         (id_a, held_a, middle_a), (id_b, held_b, middle_b) = sides
         standing = held_a and held_b and min(id_a, id_b) != SKY and objects[id_a].landmark
         right = bool(standing and id_a == id_b)
-        names = ["sky" if i == SKY else objects[i].name for i in (id_a, id_b)]
+        name_a, name_b = ("sky" if i == SKY else objects[i].name for i in (id_a, id_b))
         twin = bool(standing and id_a != id_b and objects[id_a].model == objects[id_b].model)
         duplicate = (id_a, id_b) in taken
         taken.add((id_a, id_b))
         quality_m = float(np.linalg.norm(middle_a - middle_b))
-        verdicts.append(Verdict(*names, right, twin, duplicate, quality_m))
+        verdicts.append(Verdict(name_a, name_b, right, twin, duplicate, quality_m))
     return verdicts
 
 
@@ -79,7 +79,10 @@ def co_visible(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> list[int
         fewer = int(seen[0].area_deg2[object_id] > seen[1].area_deg2[object_id])
         ids, points = surfaces[fewer]
         own = points[ids == object_id]
-        if len(own) and _seen_share(truth, object_id, own, poses[1 - fewer], rig) >= CO_VISIBLE_SHARE:
+        if (
+            len(own)
+            and _seen_share(truth, object_id, own, poses[1 - fewer], rig) >= CO_VISIBLE_SHARE
+        ):
             found.append(int(object_id))
     return found
 

@@ -139,7 +139,8 @@ class Goal:
 def goal_of(pictures: Sequence[Panorama]) -> Goal:
     """A goal from single views that it fills: all their keypoints above the ground count."""
     found = [
-        template_around(extract(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf)) for p in pictures
+        template_around(extract(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf))
+        for p in pictures
     ]
     return Goal(tuple(found))
 

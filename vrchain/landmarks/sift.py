@@ -51,7 +51,7 @@ class Features:
 def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
     """SIFT with OpenCV's defaults and no limit on the number of keypoints."""
     grey = cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY)
-    found, descriptors = cv2.SIFT_create().detectAndCompute(grey, None)
+    found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
     if descriptors is None:
         return Keypoints(np.empty((0, 2)), np.empty(0), np.empty((0, 128), dtype=np.uint8))
     xy_px = np.array([k.pt for k in found], dtype=float)

@@ -29,7 +29,6 @@ from vrchain.navigation.tracker import Tracker, best_sighting, sighting_template
 from vrchain.panorama import Panorama
 from vrchain.robot import Drive, Observation, steer
 
-
 _LANDMARK_MATCHES = 8  # by which a landmark is recognised again
 
 
@@ -315,7 +314,9 @@ class _Mission:
     def _log_plan(self, found: Plan) -> None:
         look = len(self.looks) - 1
         for name, sighting in sorted(found.goal_seen_by.items()):
-            self.log("ledger", f"{name} sees the goal", look, robot=name, matches=sighting.n_matches)
+            self.log(
+                "ledger", f"{name} sees the goal", look, robot=name, matches=sighting.n_matches
+            )
         if found.route is not None:
             names = " - ".join(found.route.robots)
             self.log(
@@ -326,7 +327,9 @@ class _Mission:
             )
 
 
-def range_along_m(range_ring_m: np.ndarray, bearing_rad: float, half_width_rad: float = 0.1) -> float:
+def range_along_m(
+    range_ring_m: np.ndarray, bearing_rad: float, half_width_rad: float = 0.1
+) -> float:
     """The shortest reading of a range ring within ``half_width_rad`` of a bearing."""
     beams = 2 * np.pi * np.arange(len(range_ring_m)) / len(range_ring_m)
     near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad

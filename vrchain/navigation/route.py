@@ -6,6 +6,7 @@ one in front of the robot and every other robot's newest; an edge is a common la
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
+from itertools import pairwise
 
 import networkx as nx
 import numpy as np
@@ -43,7 +44,7 @@ class Route:
     @property
     def robots(self) -> tuple[str, ...]:
         """The robots of the chain, the driving one first."""
-        return tuple(leg.seen_by for leg in self.legs) + (self.seen_by,)
+        return (*tuple(leg.seen_by for leg in self.legs), self.seen_by)
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,7 +121,7 @@ def _best_route(graph: nx.Graph, robot: str, seen: Mapping[str, Sighting]) -> Ro
         return None
     last = min(ends, key=lambda name: (ends[name], len(paths[name]), name))
     path = paths[last]
-    legs = tuple(_leg(graph, a, b) for a, b in zip(path[:-1], path[1:], strict=True))
+    legs = tuple(_leg(graph, a, b) for a, b in pairwise(path))
     return Route(legs, last, seen[last], float(np.exp(-ends[last])))
 
 
@@ -135,6 +136,6 @@ def _leg(graph: nx.Graph, a: str, b: str) -> Leg:
             landmark.a,
             landmark.support_b,
             landmark.support_a,
-            ranges,  # type: ignore[arg-type]
+            ranges,
         )
     return Leg(a, b, landmark, edge["key"])

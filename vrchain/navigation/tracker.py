@@ -10,7 +10,7 @@ from vrchain.landmarks.sift import Features
 
 _WINDOW_RAD = 0.5  # from one look to the next a landmark's bearing changes less
 _LEAST_WAY_M = 1.5  # before which growth tells nothing
-_DOUBT = 2.0  # scale is a rough measure
+_DOUBT = 3.5  # the scale of a first, far sighting is rough
 
 
 class Tracker:

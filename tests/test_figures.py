@@ -1,0 +1,102 @@
+"""The figures' scripts: each draws its picture, its PDF and its table, the same every time."""
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pandas as pd
+import pytest
+from smoke import smoke_results
+from worlds import ROOT
+
+from vrchain.experiments.reproduction import PROFILES, Results
+from vrchain.paths import FIGURES
+from vrchain.plots.scripts import FigureError, figure_names, run_scripts
+
+EXPECTED = [
+    "common_landmarks",
+    "landmark_quality",
+    "ledger",
+    "mission",
+    "panorama",
+    "retrieval_time",
+    "scene_map",
+    "table",
+    "update_stages",
+    "update_time",
+]
+QUICKLY_DRAWN = ["landmark_quality", "ledger", "retrieval_time", "table", "update_time"]
+
+
+@pytest.fixture(scope="module")
+def results() -> Results:
+    return smoke_results()
+
+
+def test_there_is_a_script_for_each_figure() -> None:
+    assert figure_names() == EXPECTED
+
+
+@pytest.mark.parametrize("name", EXPECTED)
+def test_a_figure_is_drawn_with_its_pdf_and_its_table(
+    name: str, results: Results, tmp_path: Path
+) -> None:
+    assert run_scripts(results, tmp_path, [name]) == [name]
+    assert sorted(p.name for p in tmp_path.iterdir()) == [
+        f"{name}.{e}" for e in ("csv", "pdf", "png")
+    ]
+    assert (tmp_path / f"{name}.png").read_bytes().startswith(b"\x89PNG")
+    assert (tmp_path / f"{name}.pdf").read_bytes().startswith(b"%PDF")
+    table = pd.read_csv(tmp_path / f"{name}.csv") if name != "common_landmarks" else [1]
+    assert len(table) > 0
+
+
+def test_the_same_results_give_the_same_bytes(results: Results, tmp_path: Path) -> None:
+    """Drawn here, and by the scripts themselves in a process of their own."""
+    run_scripts(results, tmp_path / "here", QUICKLY_DRAWN)
+    environment = {
+        **os.environ,
+        "PYTHONPATH": str(ROOT),
+        "VRCHAIN_PROFILE": "smoke",
+        "VRCHAIN_BUILD": str(results.build),
+    }
+    (tmp_path / "alone").mkdir()
+    for name in QUICKLY_DRAWN:
+        script = shutil.copy(FIGURES / f"{name}.py", tmp_path / "alone")
+        done = subprocess.run(
+            [sys.executable, script], env=environment, capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.startswith(f"wrote {name}.png")
+    for path in (tmp_path / "here").iterdir():
+        assert path.read_bytes() == (tmp_path / "alone" / path.name).read_bytes(), path.name
+
+
+def test_a_figure_that_fails_is_named_and_the_others_are_drawn(
+    results: Results, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scripts = tmp_path / "scripts"
+    scripts.mkdir()
+    shutil.copy(FIGURES / "ledger.py", scripts)
+    (scripts / "broken.py").write_text("def draw(results):\n    raise ValueError('no\\nink')\n")
+    (scripts / "empty.py").write_text("")
+    with pytest.raises(FigureError, match="2 of 3 figures failed: broken, empty; see above"):
+        run_scripts(results, tmp_path / "out", scripts=scripts)
+    assert "broken: ValueError: no ink\nempty: KeyError: 'draw'" in capsys.readouterr().out
+    assert sorted(p.stem for p in (tmp_path / "out").iterdir()) == ["ledger"] * 3
+
+
+def test_figures_need_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    nothing = Results(PROFILES["smoke"], tmp_path / "build")
+    with pytest.raises(FigureError, match="1 of 1 figures failed: update_time"):
+        run_scripts(nothing, tmp_path / "out", ["update_time"])
+    assert "run `vrchain reproduce --profile smoke --only update` first" in capsys.readouterr().out
+    assert not (tmp_path / "out").exists()
+
+
+def test_an_unknown_figure_is_named_with_those_there_are(results: Results, tmp_path: Path) -> None:
+    with pytest.raises(FigureError, match=r"common_landmarks, .* got 'tables'"):
+        run_scripts(results, tmp_path / "out", ["table", "tables"])
+    assert not (tmp_path / "out").exists()

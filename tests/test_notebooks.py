@@ -1,0 +1,106 @@
+"""The notebooks are thin, stored without output, and each can be executed by itself."""
+
+import ast
+from pathlib import Path
+
+import nbformat
+import pytest
+from smoke import smoke_results
+
+from vrchain.cli import notebooks
+from vrchain.cli.notebooks import NotebookError, execute
+from vrchain.experiments.reproduction import Results
+from vrchain.paths import NOTEBOOKS
+
+NAMES = [
+    "01_scene",
+    "02_panoramas",
+    "03_common_landmarks",
+    "04_ledger",
+    "05_mission",
+    "06_reproduction",
+]
+LONGEST_FUNCTION = 6  # lines; what is longer belongs into the library
+
+
+def cells(name: str, kind: str) -> list[str]:
+    notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
+    return [cell.source for cell in notebook.cells if cell.cell_type == kind]
+
+
+def python_of(source: str) -> ast.Module:
+    return ast.parse("\n".join(line for line in source.splitlines() if not line.startswith("%")))
+
+
+def functions(tree: ast.Module) -> list[tuple[str, int]]:
+    kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.ClassDef, ast.Lambda)
+    return [
+        (getattr(node, "name", "lambda"), (node.end_lineno or 0) - node.lineno + 1)
+        for node in ast.walk(tree)
+        if isinstance(node, kinds)
+    ]
+
+
+def test_these_are_the_notebooks() -> None:
+    assert sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb")) == NAMES
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_is_stored_without_output(name: str) -> None:
+    notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
+    nbformat.validate(notebook)
+    assert notebook.metadata.kernelspec.name == "python3"
+    assert [cell.id for cell in notebook.cells] == [
+        f"{name[:2]}-{number:02d}" for number in range(1, len(notebook.cells) + 1)
+    ]
+    for cell in notebook.cells:
+        if cell.cell_type == "code":
+            assert cell.outputs == [] and cell.execution_count is None
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_is_thin_and_says_what_it_is_about(name: str) -> None:
+    words = cells(name, "markdown")
+    assert words[0].startswith("# ") and "**Question.**" in words[0] and "**Idea.**" in words[0]
+    for source in cells(name, "code"):
+        long = [f for f in functions(python_of(source)) if f[1] > LONGEST_FUNCTION]
+        assert long == []
+
+
+def test_a_long_function_would_be_noticed() -> None:
+    tree = python_of("%matplotlib inline\ndef f():\n" + "    pass\n" * 6)
+    assert functions(tree) == [("f", 7)]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_runs_and_shows_pictures(name: str, tmp_path: Path) -> None:
+    executed = execute(NOTEBOOKS / f"{name}.ipynb", tmp_path, smoke_results())
+    notebook = nbformat.read(executed, as_version=4)
+    shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
+    assert any("image/png" in output.get("data", {}) for output in shown)
+    assert not [o for o in shown if o.output_type == "error" or o.get("name") == "stderr"]
+    assert (tmp_path / f"{name}.html").stat().st_size > 10_000
+    assert sorted(p.suffix for p in tmp_path.iterdir()) == [".html", ".ipynb"]
+
+
+def small_notebook(path: Path, source: str) -> Path:
+    cell = nbformat.v4.new_code_cell(source)
+    nbformat.write(nbformat.v4.new_notebook(cells=[cell]), path)
+    return path
+
+
+def test_a_cell_that_fails_is_told_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    source = tmp_path / "notebooks"
+    source.mkdir()
+    small_notebook(source / "bad.ipynb", "1 / 0")
+    monkeypatch.setattr(notebooks, "NOTEBOOKS", source)
+    (tmp_path / "out").mkdir()
+    results = Results(smoke_results().profile, tmp_path)
+    with pytest.raises(NotebookError, match=r"^bad.ipynb could not be executed: ZeroDivisionError"):
+        notebooks.run_notebooks(results, tmp_path / "out")
+    small_notebook(source / "bad.ipynb", "import os; print(os.environ['VRCHAIN_PROFILE'])")
+    assert notebooks.run_notebooks(results, tmp_path / "out").startswith("executed 1 notebooks")
+    written = nbformat.read(tmp_path / "out" / "bad.ipynb", as_version=4)
+    assert written.cells[0].outputs[0].text == "smoke\n"
