@@ -1,4 +1,4 @@
-"""The errors a caller may see. Each message says what was expected, what came, and how to mend it."""
+"""The errors a caller may see; each says what was expected, what came, and how to mend it."""
 
 
 class VRChainError(Exception):

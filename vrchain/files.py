@@ -11,7 +11,7 @@ from vrchain.errors import OutputError
 
 
 def check_output_folder(folder: Path, marker: str) -> None:
-    """Raise OutputError unless ``folder`` is new, empty, or an earlier result (holds ``marker``)."""
+    """Raise OutputError unless ``folder`` is new, empty, or holds the ``marker`` of a result."""
     if folder.exists() and not folder.is_dir():
         raise OutputError(
             f"expected a folder to write to, but {folder} is a file: choose another -o"
@@ -66,5 +66,5 @@ def _said_plainly(target: Path) -> Iterator[None]:
         yield
     except OSError as error:
         raise OutputError(
-            f"cannot write {target}: {error.strerror or error}; free some room or choose another place"
+            f"cannot write {target}: {error.strerror or error}; make room or choose another place"
         ) from error

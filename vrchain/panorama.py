@@ -248,7 +248,7 @@ def view_change(before: NDArray[np.float32], now: NDArray[np.float32]) -> float:
     """How much two signatures differ, 0 (same place) to 1 and more, whichever way the robots face.
 
     One minus the best normalised correlation over all circular shifts, so turning on the spot
-    changes nothing. Each row less its mean: that the sky is above and the ground below says nothing.
+    changes nothing. Rows count less their means: sky above and ground below are everywhere.
     """
     a, b = (s - s.mean(axis=1, keepdims=True) for s in (before.astype(float), now.astype(float)))
     scale = np.linalg.norm(a) * np.linalg.norm(b)

@@ -1,4 +1,4 @@
-"""One mission from a scene file to its end: the team, its ledger, the drive, and how true it was."""
+"""One mission from a scene file to its end: the team, its ledger, the drive, and the truth of it."""
 
 import json
 from collections.abc import Callable

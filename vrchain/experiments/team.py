@@ -100,7 +100,7 @@ def draw_task(
     sought = f"the goal {goal!r}" if goal else "a goal"
     raise MissionError(
         f"found no place where the last of {n_robots} robots, {SPACING_M[0]:g}-{SPACING_M[1]:g} m "
-        f"apart, sees {sought} and the others do not: try another goal, fewer robots or another seed"
+        f"apart, sees {sought} and the others do not: try another goal or seed, or fewer robots"
     )
 
 

@@ -114,7 +114,7 @@ def compare(
 def common_landmarks(
     a: Panorama, b: Panorama, config: MatchConfig | None = None
 ) -> tuple[CommonLandmark, ...]:
-    """Common landmarks of two panoramas, surest first; ImageError if one is blank or rigs differ."""
+    """Common landmarks of two panoramas, surest first; ImageError: one is blank, or rigs differ."""
     if a.rig != b.rig:
         raise ImageError(f"expected two panoramas of one camera rig, got {a.rig} and {b.rig}")
     for name, panorama in (("first", a), ("second", b)):

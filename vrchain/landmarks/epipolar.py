@@ -67,7 +67,7 @@ def estimate(
     min_inliers: int = 8,
     tolerance_rad: float = _TOLERANCE_RAD,
 ) -> PlanarGeometry | None:
-    """Two-view geometry of an upright camera from matched directions, each (m,); None if unclear."""
+    """Two-view geometry of upright cameras from matched directions, each (m,); None if unclear."""
     n = len(bearing_a_rad)
     if n < min_inliers:
         return None

@@ -293,7 +293,7 @@ class _Mission:
     def drive_towards(
         self, bearing_rad: float, stop_m: float = 0.0, track: Tracker | None = None
     ) -> str:
-        """Drive a stretch on a bearing: "near" if the thing ahead is so, "stuck", or "on the way"."""
+        """Drive a stretch on a bearing; "near" if the thing ahead is, "stuck" or "on the way"."""
         course = wrap_angle_rad(self.now.odometry.yaw_rad + bearing_rad)
         started_ns, previous, travelled_m = self.now.time_ns, self.now.odometry, 0.0
         while travelled_m < self.config.look_every_m:
