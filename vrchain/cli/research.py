@@ -30,7 +30,7 @@ def reproduce(
         raise reproduction.ReproductionError(
             f"unexpected {' '.join(names)}: to redo single stages, put --only before their names"
         )
-    results = reproduction.Results(reproduction.profile_named(profile))
+    results = reproduction.Results.here(profile)
     stages: dict[str, reproduction.Stage] = {
         **reproduction.STAGES,
         "mission": partial(reproduction.run_mission, draw=save_pictures),
@@ -56,7 +56,7 @@ def figures(
     from vrchain.paths import FIGURES
     from vrchain.plots.scripts import run_scripts
 
-    results = reproduction.Results(reproduction.profile_named(profile))
+    results = reproduction.Results.here(profile)
     folder = output or FIGURES
     drawn = run_scripts(results, folder, names or ())
     print(f"drew {', '.join(drawn)} into {folder}")

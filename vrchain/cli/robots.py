@@ -20,21 +20,26 @@ def panorama(
         tuple[float, float, float], typer.Option(metavar="X Y YAW_DEG", help="Metres and degrees.")
     ],
     output: Folder,
+    views: Annotated[int, typer.Option(help="Cameras in the ring.")] = 8,
+    width: Annotated[int, typer.Option(help="Of a view, in pixels.")] = 640,
+    height: Annotated[int, typer.Option(help="Of a view, in pixels.")] = 480,
+    field_of_view: Annotated[float, typer.Option(help="Width of a view, in degrees.")] = 60.0,
 ) -> None:
     """Draw what a robot sees all around it: its views and the joined cylinder."""
     import numpy as np
 
     from vrchain.geometry import Pose
-    from vrchain.panorama import MARKER
+    from vrchain.panorama import MARKER, CameraRig
     from vrchain.render import Renderer
     from vrchain.scene import load_scene
 
     check_output_folder(output, MARKER)
+    rig = CameraRig(views, width, height, field_of_view)
     scene = load_scene(spec)
     pose = Pose(at[0], at[1], float(np.radians(at[2])))
     scene.check_pose(pose)
     with output_folder(output, MARKER) as folder:
-        Renderer(scene).render(pose).save(folder)
+        Renderer(scene).render(pose, rig).save(folder)
     print(f"wrote {output}: views, cylinder.png, {MARKER}")
 
 

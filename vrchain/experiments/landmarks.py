@@ -89,11 +89,11 @@ def summarise(claims: pd.DataFrame) -> dict[str, float]:
 
     A second claim on one object pair is a duplicate and counts for nothing.
     """
-    made = claims[claims.score.notna() & ~claims.duplicate.fillna(False).astype(bool)]
+    made = claims[claims.score.notna() & ~claims.duplicate.eq(True)]
     pairs = claims.groupby("pair").first()
     fair = pairs[pairs.co_visible > 0]
     best = made.sort_values("score", ascending=False, kind="stable").groupby("pair").first()
-    best_right = best.right.reindex(fair.index).fillna(False).astype(bool)
+    best_right = best.right.reindex(fair.index).eq(True)
     right = made.right.astype(bool)
     return {
         "n_pairs": len(pairs),

@@ -70,7 +70,7 @@ PROFILES = {
             retrieval_samples=100,
             vision_samples=20,
         ),
-        Profile("smoke", _TINY, _TINY, 3_000, (4, 8, 12), 2, survey_pairs=2, vision_samples=1),
+        Profile("smoke", _TINY, _SMALL, 3_000, (4, 8, 12), 2, survey_pairs=2, vision_samples=1),
     )
 }
 ADVERTISED = ("quick", "paper")  # smoke is for the project's own tests
@@ -91,13 +91,14 @@ class Results:
     build: Path = BUILD
 
     @classmethod
-    def here(cls) -> "Results":
-        """Those that a figure's script or a notebook shows: the environment may say which.
+    def here(cls, profile: str | None = None) -> "Results":
+        """Those of a profile where the environment says they are.
 
-        VRCHAIN_PROFILE is a profile's name, VRCHAIN_BUILD a folder.
+        VRCHAIN_PROFILE names the profile if none is given, for figures' scripts and notebooks;
+        VRCHAIN_BUILD is a folder to use in place of build/.
         """
-        profile = profile_named(os.environ.get("VRCHAIN_PROFILE", "quick"))
-        return cls(profile, Path(os.environ.get("VRCHAIN_BUILD", BUILD)))
+        name = profile or os.environ.get("VRCHAIN_PROFILE", "quick")
+        return cls(profile_named(name), Path(os.environ.get("VRCHAIN_BUILD", BUILD)))
 
     @property
     def folder(self) -> Path:
@@ -293,13 +294,14 @@ def reproduce(
         if name not in stages:
             raise ReproductionError(f"expected stages of {', '.join(stages)}, got {name!r}")
     chosen = [stage for stage in stages if stage in names or not names]
-    for stage in chosen:
-        missing = [n for n in NEEDS.get(stage, ()) if n not in chosen and not results.has(n)]
-        if missing:
-            raise ReproductionError(
-                f"the stage {stage} needs the results of {', '.join(missing)}: run `vrchain "
-                f"reproduce --profile {results.profile.name} --only {' '.join([*missing, stage])}`"
-            )
+    missing = {n for stage in chosen for n in NEEDS.get(stage, ()) if not results.has(n)}
+    missing -= set(chosen)
+    if missing:
+        wanted = [stage for stage in stages if stage in missing or stage in chosen]
+        raise ReproductionError(
+            f"{', '.join(chosen)} cannot do without the results of {', '.join(sorted(missing))}: "
+            f"run `vrchain reproduce --profile {results.profile.name} --only {' '.join(wanted)}`"
+        )
     for stage in chosen:
         start = perf_counter()
         with output_folder(results.folder / stage, MARKER) as folder:

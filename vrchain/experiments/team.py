@@ -5,7 +5,7 @@ Here ground truth draws up the task; the robots that carry it out never see it.
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
-from itertools import pairwise
+from itertools import islice, pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,8 +30,8 @@ GOAL_PICTURES = 4
 LOOK_EVERY_M = 2.5
 _CLEARANCE_M = 1.0
 _BATCH = 20_000  # chains of places tried at once
-_DRAWS = 8  # batches
-_CHOICES = 8  # tasks among which the one that needs the chain most is taken
+_BATCHES = 8
+_CHOICES = 4  # tasks among which the one that needs the chain most is taken
 _GOAL_DRAWS = 160
 _GOAL_KIND = "house"  # drawn from, if no goal is named
 _GOAL_FROM_LAST_M = (2.0, 15.0)  # from the goal's side
@@ -68,15 +68,35 @@ def draw_task(
     """A chain of robots, neighbours 5-8 m apart, whose last one alone sees the goal.
 
     ``robot`` stands at the other end, with not a pixel of the goal in view. Neighbours see a
-    landmark in common. Of some such places the one is taken where the two ends have least in
-    common. MissionError if none is found, or if there is no such robot or goal.
+    landmark in common. Of some such places the one is taken where the two ends have fewest in
+    common, so that the chain is needed. MissionError if none is found, or if there is no such
+    robot or goal.
     """
     names = robot_names(n_robots, robot)
     goals = _goal_ids(scene, goal)
+    found = list(islice(_tasks(scene, truth, rig, seed, names, goals), _CHOICES))
+    if not found:
+        sought = f"the goal {goal!r}" if goal else "a goal"
+        raise MissionError(
+            f"found no place where the last of {n_robots} robots, {SPACING_M[0]:g}-"
+            f"{SPACING_M[1]:g} m apart, sees {sought} and the others do not: "
+            "try another goal or seed, or fewer robots"
+        )
+    return min(found, key=lambda pair: pair[0])[1]
+
+
+def _tasks(
+    scene: Scene,
+    truth: GroundTruth,
+    rig: CameraRig,
+    seed: int,
+    names: list[str],
+    goals: list[int],
+) -> Iterator[tuple[int, Task]]:
+    """Tasks as ``draw_task`` describes them, with the landmarks that both ends see."""
     draws = generator(seed, "task")
-    tasks: list[tuple[int, Task]] = []
-    for _ in range(_DRAWS):
-        for target, chain in _hidden_goals(scene, truth, goals, n_robots, draws):
+    for _ in range(_BATCHES):
+        for target, chain in _hidden_goals(scene, truth, goals, len(names), draws):
             places = [Pose(*map(float, (*xy, draws.uniform(-np.pi, np.pi)))) for xy in chain]
             if target in truth.visibility(places[0], rig).index:
                 continue
@@ -84,7 +104,7 @@ def draw_task(
                 continue
             starts = [start for place in places if (start := _run_up(scene, place, draws))]
             poses = goal_poses(scene, truth, target, seed)
-            if len(starts) < n_robots or len(poses) < GOAL_PICTURES:
+            if len(starts) < len(names) or len(poses) < GOAL_PICTURES:
                 continue
             task = Task(
                 dict(zip(names, places, strict=True)),
@@ -92,16 +112,7 @@ def draw_task(
                 scene.objects[target].name,
                 tuple(poses),
             )
-            tasks.append((len(co_visible(truth, places[0], places[-1], rig)), task))
-            if len(tasks) == _CHOICES:
-                break
-        if tasks:
-            return min(tasks, key=lambda t: t[0])[1]
-    sought = f"the goal {goal!r}" if goal else "a goal"
-    raise MissionError(
-        f"found no place where the last of {n_robots} robots, {SPACING_M[0]:g}-{SPACING_M[1]:g} m "
-        f"apart, sees {sought} and the others do not: try another goal or seed, or fewer robots"
-    )
+            yield len(co_visible(truth, places[0], places[-1], rig)), task
 
 
 def robot_names(n_robots: int, first: str = "R1") -> list[str]:
@@ -285,6 +296,7 @@ def _hidden_goals(
     points = np.array([surface[int(i)] for i in target]).reshape(len(target), -1, 3)
     shares = [_seen_share(truth, places[:, k], points, target) for k in range(n_robots)]
     hidden = (np.array(shares[:-1]) == 0).all(axis=0) & (shares[-1] > _LEAST_SEEN)
+    hidden &= _apart(truth, places[:, 0], places[:, -1]) if n_robots > 2 else True
     for index in np.flatnonzero(hidden):
         yield int(target[index]), places[index]
 
@@ -309,6 +321,13 @@ def _seen_share(
     eye = np.insert(xy_m, 2, CameraRig().camera_height_m, axis=1)[:, None, :]
     hit, distance = truth.cast(eye, points_m - eye)
     return ((hit == target[:, None]) & (np.abs(distance - 1) < 0.01)).mean(axis=1)
+
+
+def _apart(truth: GroundTruth, a_xy_m: Points, b_xy_m: Points) -> NDArray[np.bool_]:
+    """Whether something stands between places, (m, 2) each, at the cameras' height."""
+    eye = np.insert(a_xy_m, 2, CameraRig().camera_height_m, axis=1)
+    _, share = truth.cast(eye, np.insert(b_xy_m, 2, eye[0, 2], axis=1) - eye)
+    return share < 1
 
 
 def _unit(angle_rad: NDArray[np.float64]) -> Points:

@@ -69,7 +69,7 @@ def estimate(
 ) -> PlanarGeometry | None:
     """Two-view geometry of upright cameras from matched directions, each (m,); None if unclear."""
     n = len(bearing_a_rad)
-    if n < min_inliers:
+    if n < max(2, min_inliers):
         return None
     a = np.stack([slope_b * np.sin(bearing_a_rad), -slope_b * np.cos(bearing_a_rad)], axis=1)
     b = np.stack([slope_a * np.sin(bearing_b_rad), -slope_a * np.cos(bearing_b_rad)], axis=1)

@@ -18,7 +18,7 @@ def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blo
     """Blocks from left to right; in each, every robot's newest transaction."""
     robots = [robot for robot, _ in entries[-1].block.newest]
     figure = Figure(
-        figsize=(2.05 * len(entries) + 0.2, 2.0 + 0.42 * len(robots)), layout="constrained"
+        figsize=(2.05 * len(entries) + 0.2, 2.15 + 0.42 * len(robots)), layout="constrained"
     )
     axes = figure.add_subplot()
     known: dict[bytes, Transaction] = {}
@@ -35,12 +35,12 @@ def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blo
                 )
             )  # fmt: skip
     axes.set_xlim(-0.1, len(entries) * (_WIDTH + _GAP) - _GAP + 0.1)
-    axes.set_ylim(-0.35, top + 0.1)
+    axes.set_ylim(-0.55, top + 0.1)
     axes.set_axis_off()
     axes.text(
         0, -0.1,
-        "Filled: a new transaction, signed by its robot. Outlined: carried over unchanged from the "
-        "block before. Each block holds the hash of the one before it (arrows).",
+        "Filled: a new transaction, signed by its robot. Outlined: carried over from the block "
+        "before.\nArrows: each block holds the hash of the one before it.",
         fontsize=9, va="top", color="#333333",
     )  # fmt: skip
     figure.suptitle(title, fontsize=12)

@@ -151,7 +151,9 @@ def common_landmarks_figure(
     shown = ""
     if len(claims) > len(chosen):
         shown = f"; {len(chosen)} shown, of several close together the surest"
-    figure.suptitle(f"{len(claims)} common landmarks{shown}", fontsize=11)
+    figure.suptitle(
+        f"{len(claims)} common landmark{'' if len(claims) == 1 else 's'}{shown}", fontsize=11
+    )
     return figure
 
 

@@ -15,7 +15,7 @@ def landmark_quality_figure(claims: pd.DataFrame, bands: pd.DataFrame, note: str
     """Claims of ``landmarks.landmark_pairs`` with a column band_m; bands: their summaries."""
     figure = Figure(figsize=(11, 4.4), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.6, 1])
-    made = claims[claims.score.notna() & (claims.duplicate != True)]  # noqa: E712
+    made = claims[claims.score.notna() & ~claims.duplicate.eq(True)]
     for is_right, colour, marker, label in (
         (True, _RIGHT, "o", "right: both on one landmark"),
         (False, _WRONG, "x", "wrong"),

@@ -1,0 +1,309 @@
+"""The command line as a user calls it: what it prints, how it fails, and what it leaves behind."""
+
+import hashlib
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from worlds import ROOT
+
+from vrchain.paths import SCENES
+from vrchain.scene import load_scene
+
+SUBURB = SCENES / "suburb.yaml"
+COMMAND = [sys.executable, "-c", "from vrchain.cli import main; main()"]
+ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "PYOPENGL_PLATFORM": "egl"}
+
+
+def call(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+    """A fresh process that runs ``vrchain`` with these arguments."""
+    return subprocess.run(
+        [*COMMAND, *map(str, arguments)],
+        cwd=cwd,
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+def answer(*arguments: object) -> dict:
+    """The one JSON object that a command prints."""
+    done = call(*arguments, "--json")
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+def refused(*arguments: object, cwd: Path | None = None) -> str:
+    """The one line by which a command refuses."""
+    done = call(*arguments, cwd=cwd)
+    assert done.returncode not in (0, None)
+    assert done.stdout == ""
+    assert done.stderr.startswith("vrchain: ") and done.stderr.count("\n") == 1, done.stderr
+    assert "Traceback" not in done.stderr
+    return done.stderr
+
+
+def everything(folder: Path) -> dict[str, str]:
+    """Every file below a folder with the digest of its bytes."""
+    return {
+        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
+        for path in sorted(folder.rglob("*"))
+        if path.is_file()
+    }
+
+
+@pytest.fixture
+def image(tmp_path: Path) -> Path:
+    """A picture with something in it, in a folder of its own."""
+    draws = np.random.default_rng(3).integers(0, 256, (24, 32, 3), dtype=np.uint8)
+    path = tmp_path / "given" / "picture.png"
+    path.parent.mkdir()
+    cv2.imwrite(str(path), np.kron(draws, np.ones((20, 20, 1), dtype=np.uint8)))
+    return path
+
+
+# Bad input: one line, and nothing written.
+
+
+def test_an_unknown_scene_key(tmp_path: Path) -> None:
+    spec = tmp_path / "scene.yaml"
+    spec.write_text(SUBURB.read_text() + "\nrivers:\n  count: 2\n")
+    said = refused("panorama", spec, "--at", 10, 0, 0, "-o", tmp_path / "out")
+    assert "rivers" in said and "houses" in said  # what came, and what is known
+    refused("scene", "map", spec, "-o", tmp_path / "map.png")
+    refused("navigate", spec, "-o", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == [spec]
+
+
+def test_a_pose_inside_a_house_or_off_the_map(tmp_path: Path) -> None:
+    table = load_scene(SUBURB).table
+    house = table[table.kind == "house"].iloc[4]
+    at = (f"{house.centre_x_m:.2f}", f"{house.centre_y_m:.2f}", 0)
+    assert repr(house["name"]) in refused("panorama", SUBURB, "--at", *at, "-o", tmp_path / "out")
+    said = refused("panorama", SUBURB, "--at", 300, 0, 0, "-o", tmp_path / "out")
+    assert "off the map" in said and "-64.6..64.6" in said
+    assert "finite" in refused("panorama", SUBURB, "--at", "nan", 0, 0, "-o", tmp_path / "out")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_file_that_is_missing(tmp_path: Path) -> None:
+    said = refused("scene", "info", tmp_path / "none.yaml")
+    assert "none.yaml" in said
+
+
+@pytest.mark.parametrize("kind", ["missing", "text", "empty", "blank", "folder"])
+def test_an_image_that_is_none(kind: str, image: Path, tmp_path: Path) -> None:
+    bad = tmp_path / "given" / "bad.png"
+    if kind == "text":
+        bad.write_text("not a picture")
+    elif kind == "empty":
+        bad.touch()
+    elif kind == "blank":
+        cv2.imwrite(str(bad), np.full((300, 400, 3), 128, dtype=np.uint8))
+    elif kind == "folder":
+        bad.mkdir()
+    out = tmp_path / "out.png"
+    said = refused("landmarks", image, bad, "-o", out)
+    assert ("blank" in said) if kind == "blank" else ("bad.png" in said)
+    refused("landmarks", bad, image, "-o", out)
+    assert [path.name for path in tmp_path.iterdir()] == ["given"]
+
+
+def test_a_folder_that_is_no_ledger(tmp_path: Path) -> None:
+    (tmp_path / "folder").mkdir()
+    (tmp_path / "folder" / "letter.txt").write_text("dear")
+    before = everything(tmp_path)
+    for arguments in (
+        ("verify", "folder"),
+        ("show", "folder"),
+        ("show", "nowhere"),
+        ("export", "folder", "-o", "lines"),
+        ("append", "folder", "R1", "folder/letter.txt"),
+    ):
+        assert "expected a ledger" in refused("ledger", *arguments, cwd=tmp_path)
+    assert everything(tmp_path) == before
+
+
+def test_a_folder_of_something_else_is_not_written_over(tmp_path: Path) -> None:
+    (tmp_path / "letters").mkdir()
+    (tmp_path / "letters" / "letter.txt").write_text("dear")
+    for arguments in (("panorama", SUBURB, "--at", 10, 0, 0), ("navigate", SUBURB)):
+        assert "not empty" in refused(*arguments, "-o", tmp_path / "letters")
+    assert [path.name for path in tmp_path.rglob("*")] == ["letters", "letter.txt"]
+
+
+def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    assert "'castle'" in refused("navigate", SUBURB, "--goal", "castle", "-o", out)
+    assert "expected one of R1, R2" in refused(
+        "navigate", SUBURB, "--robots", 2, "--robot", "R7", "-o", out
+    )
+    assert "2 to 20 robots" in refused("navigate", SUBURB, "--robots", 1, "-o", out)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("fly",), "fly"),
+        (("panorama",), "Missing"),
+        (("panorama", SUBURB, "--at", "1", "2", "-o", "out"), "--at"),
+        (("reproduce", "--profile", "huge"), "quick, paper"),
+        (("reproduce", "--only", "surveys"), "survey, update, retrieval, landmarks, mission"),
+        (("reproduce", "survey"), "--only"),
+        (("figures", "portrait"), "update_time"),
+    ],
+)
+def test_wrong_use(arguments: tuple[object, ...], word: str, tmp_path: Path) -> None:
+    assert word in refused(*arguments, cwd=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.fixture
+def full_disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk with room for little."""
+    disk = tmp_path / "disk"
+    disk.mkdir()
+    mount = ["mount", "-t", "tmpfs", "-o", "size=256k", "tmpfs", str(disk)]
+    if os.geteuid() != 0 or not shutil.which("mount"):
+        pytest.skip("only root can mount a small disk to fill")
+    if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
+        pytest.skip("this machine lets nobody mount a small disk to fill")
+    yield disk
+    subprocess.run(["umount", str(disk)], check=True)
+
+
+def test_a_disk_without_room(full_disk: Path, image: Path) -> None:
+    for arguments in (
+        ("panorama", SUBURB, "--at", 10, 0, 0, "-o", full_disk / "out"),
+        ("landmarks", image, image, "-o", full_disk / "out.png"),
+        ("navigate", SUBURB, "-o", full_disk / "out"),
+        ("figures", "scene_map", "-o", full_disk / "out"),
+    ):
+        assert "room" in refused(*arguments)
+        assert list(full_disk.rglob("*")) == []
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [("panorama", SUBURB, "--at", 10, 0, 0), ("navigate", SUBURB), ("reproduce",)],
+    ids=lambda arguments: arguments[0],
+)
+def test_ctrl_c_in_the_middle_leaves_nothing(arguments: tuple[object, ...], tmp_path: Path) -> None:
+    """Interrupted as soon as it has begun to write, which is where something could be left."""
+    environment = {**ENVIRONMENT, "VRCHAIN_BUILD": str(tmp_path / "out")}
+    output = () if arguments == ("reproduce",) else ("-o", tmp_path / "out")
+    process = subprocess.Popen(
+        [*COMMAND, *map(str, (*arguments, *output))],
+        env=environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        deadline = time.monotonic() + 120
+        while not any(tmp_path.rglob("*")) and time.monotonic() < deadline:
+            assert process.poll() is None, process.communicate()
+            time.sleep(0.02)
+        process.send_signal(signal.SIGINT)
+        _, said = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == 130
+    assert said == "vrchain: interrupted: nothing half-written is left\n"
+    assert [path for path in tmp_path.rglob("*") if not path.is_dir()] == []
+    assert not (tmp_path / "out").exists() or arguments == ("reproduce",)
+
+
+# What the commands give.
+
+
+def test_a_panorama_is_the_same_in_two_processes(tmp_path: Path) -> None:
+    for name in ("first", "second"):
+        done = call("panorama", SUBURB, "--at", 10, 0, 0, "-o", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+    first, second = everything(tmp_path / "first"), everything(tmp_path / "second")
+    assert first == second
+    assert len(first) == 10  # eight views, the cylinder, the rig
+
+
+def test_scene_info(tmp_path: Path) -> None:
+    found = answer("scene", "info", SUBURB)
+    table = load_scene(SUBURB).table
+    assert len(found["objects"]) == len(table)
+    for row, (_, expected) in zip(found["objects"], table.iterrows(), strict=True):
+        assert {"name", "kind", "landmark", "centre_m", "size_m"} <= set(row)
+        assert (row["name"], row["kind"]) == (expected["name"], expected.kind)
+        assert len(row["centre_m"]) == len(row["size_m"]) == 3
+        assert row["landmark"] is bool(expected.landmark)
+
+
+def test_scene_map(tmp_path: Path) -> None:
+    done = call("scene", "map", SUBURB, "-o", tmp_path / "map.png")
+    assert done.returncode == 0, done.stderr
+    assert cv2.imread(str(tmp_path / "map.png")).shape[0] > 500
+
+
+def test_landmarks_of_two_pictures(image: Path, tmp_path: Path) -> None:
+    shifted = tmp_path / "given" / "shifted.png"
+    cv2.imwrite(str(shifted), np.roll(cv2.imread(str(image)), 40, axis=1))
+    found = answer("landmarks", image, shifted, "-o", tmp_path / "out.png")["common_landmarks"]
+    assert found
+    for claim in found:
+        assert set(claim) == {"score", "a", "b"}
+        assert 0 <= claim["score"] <= 1
+        for region in (claim["a"], claim["b"]):
+            assert set(region) == {"view", "box_px", "bearing_rad", "angular_size_rad"}
+            x0, y0, x1, y1 = region["box_px"]
+            assert 0 <= x0 < x1 <= 640 and 0 <= y0 < y1 <= 480
+            assert region["bearing_rad"] is None  # a photograph's camera is not known
+    assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_landmarks_of_two_panoramas(tmp_path: Path) -> None:
+    for name, x_m in (("a", 10), ("b", 5)):
+        done = call("panorama", SUBURB, "--at", x_m, 0, 0, "-o", tmp_path / name)
+        assert done.returncode == 0, done.stderr
+    found = answer("landmarks", tmp_path / "a", tmp_path / "b")["common_landmarks"]
+    scores = [claim["score"] for claim in found]
+    assert scores and scores == sorted(scores, reverse=True)
+    regions = [claim[side] for claim in found for side in ("a", "b")]
+    assert all(-np.pi <= region["bearing_rad"] < np.pi for region in regions)
+    assert all(0 <= region["view"] < 8 for region in regions)
+
+
+def test_ledger_verify(tmp_path: Path) -> None:
+    done = call("ledger", "init", tmp_path / "L", "--member", "R1", "--keys", tmp_path / "keys")
+    assert done.returncode == 0, done.stderr
+    good = {"ok": True, "blocks": 1, "first_bad_block": None, "reason": ""}
+    assert answer("ledger", "verify", tmp_path / "L") == good
+
+
+def test_help_says_what_there_is() -> None:
+    done = call("--help")
+    for command in ("scene", "panorama", "landmarks", "navigate", "ledger", "reproduce", "figures"):
+        assert command in done.stdout
+    assert "smoke" not in call("reproduce", "--help").stdout
+
+
+@pytest.mark.slow
+def test_a_mission_is_the_same_in_two_processes(tmp_path: Path) -> None:
+    heads = []
+    for name in ("first", "second"):
+        found = answer("navigate", SUBURB, "--seed", 0, "-o", tmp_path / name)
+        shown = answer("ledger", "show", tmp_path / name / "ledger")
+        assert found["head"] == shown["head"]
+        heads.append(found["head"])
+    assert heads[0] == heads[1]
+    logs = [(tmp_path / name / "decisions.jsonl").read_bytes() for name in ("first", "second")]
+    assert logs[0] == logs[1]
