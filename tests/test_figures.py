@@ -8,11 +8,14 @@ from pathlib import Path
 
 import pandas as pd
 import pytest
+from matplotlib.figure import Figure
 from smoke import smoke_results
 from worlds import ROOT
 
+from vrchain.errors import OutputError
 from vrchain.experiments.reproduction import PROFILES, Results
 from vrchain.paths import FIGURES
+from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts
 
 EXPECTED = [
@@ -94,6 +97,13 @@ def test_figures_need_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]
         run_scripts(nothing, tmp_path / "out", ["update_time"])
     assert "run `vrchain reproduce --profile smoke --only update` first" in capsys.readouterr().out
     assert not (tmp_path / "out").exists()
+
+
+def test_a_figure_that_cannot_be_written_leaves_no_part_of_it(tmp_path: Path) -> None:
+    (tmp_path / "name.csv").mkdir()  # in the way of the last of the three files
+    with pytest.raises(OutputError, match=r"cannot write .*name\.csv"):
+        save_figure(Figure(), pd.DataFrame(), tmp_path / "name")
+    assert [path.name for path in tmp_path.iterdir()] == ["name.csv"]
 
 
 def test_an_unknown_figure_is_named_with_those_there_are(results: Results, tmp_path: Path) -> None:

@@ -254,7 +254,8 @@ def test_pictures_of_panoramas() -> None:
 @pytest.mark.parametrize("kind", ["png", "pdf"])
 def test_a_figure_gives_the_same_bytes_every_time(kind: str, tmp_path: Path) -> None:
     for name in ("first", "second"):
-        save_figure(update_stages_figure(updates()), tmp_path / name)
+        save_figure(update_stages_figure(updates()), updates()[40], tmp_path / name)
     first, second = ((tmp_path / f"{name}.{kind}").read_bytes() for name in ("first", "second"))
     assert first == second
+    assert pd.read_csv(tmp_path / "first.csv").shape == updates()[40].shape
     assert png_bytes(update_stages_figure(updates())) == (tmp_path / "first.png").read_bytes()

@@ -11,16 +11,17 @@ from vrchain.errors import OutputError
 
 
 def check_output_folder(folder: Path, marker: str) -> None:
-    """Raise OutputError unless ``folder`` is new, empty, or holds the ``marker`` of a result."""
-    if folder.exists() and not folder.is_dir():
-        raise OutputError(
-            f"expected a folder to write to, but {folder} is a file: choose another -o"
-        )
-    if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).is_file():
-        raise OutputError(
-            f"{folder} is not empty and holds no {marker} of an earlier run: "
-            "choose a new or an empty folder, so that nothing of yours is lost"
-        )
+    """Raise OutputError unless ``folder`` is new, empty or an earlier result (has ``marker``)."""
+    with _said_plainly(folder):
+        if folder.exists() and not folder.is_dir():
+            raise OutputError(
+                f"expected a folder to write to, but {folder} is a file: choose another -o"
+            )
+        if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).is_file():
+            raise OutputError(
+                f"{folder} is not empty and holds no {marker} of an earlier run: "
+                "choose a new or an empty folder, so that nothing of yours is lost"
+            )
 
 
 @contextlib.contextmanager
@@ -28,10 +29,10 @@ def output_folder(folder: str | Path, marker: str) -> Iterator[Path]:
     """A temporary folder that takes the place of ``folder`` when the block ends without an error.
 
     An earlier result (a folder that holds the file ``marker``) is replaced; any other folder that
-    is not empty is refused. On an error, Ctrl-C included, nothing remains.
+    is not empty is refused. On an error, Ctrl-C included, nothing new remains.
     """
-    target = Path(folder).absolute()
-    check_output_folder(target, marker)
+    check_output_folder(Path(folder), marker)
+    target = Path(folder).resolve()  # a link is followed: what it points to is replaced
     with _said_plainly(target):
         target.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
@@ -39,11 +40,24 @@ def output_folder(folder: str | Path, marker: str) -> Iterator[Path]:
         with _said_plainly(target):
             yield scratch
             scratch.chmod(0o755)
-            if target.exists():
-                shutil.rmtree(target)
-            scratch.rename(target)
+            _put_in_place(scratch, target)
     finally:
         shutil.rmtree(scratch, ignore_errors=True)
+
+
+def _put_in_place(scratch: Path, target: Path) -> None:
+    """Rename, moving an earlier result aside first, so that it can come back if that fails."""
+    earlier = scratch.with_name(f"{scratch.name}-earlier")
+    try:
+        if target.exists():
+            target.rename(earlier)
+        scratch.rename(target)
+    except BaseException:
+        if earlier.exists() and not target.exists():
+            earlier.rename(target)
+        raise
+    finally:
+        shutil.rmtree(earlier, ignore_errors=True)
 
 
 def write_file(path: str | Path, content: bytes) -> None:

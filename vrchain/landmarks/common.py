@@ -18,6 +18,7 @@ from vrchain.panorama import CameraRig, Panorama
 
 Box = tuple[float, float, float, float]
 
+_STILL_RAD = 0.01  # nine tenths of all things shift less: the two stand at one place
 _MIN_CONTRAST = 2.0  # standard deviation of grey below which an image is called blank
 
 
@@ -53,7 +54,7 @@ class CommonLandmark:
 
     score: 0 to 1, larger is surer. support_a, support_b: (k,) indices of its matched keypoints.
     ranges: distance of the landmark from A and from B, in units of the distance from A to B; None
-    where the geometry does not tell (photographs).
+    where the geometry does not tell (photographs; panoramas taken at one place).
     """
 
     score: float
@@ -93,6 +94,8 @@ def compare(
         np.column_stack([np.cos(f.bearing_rad), np.sin(f.bearing_rad), f.slope])[inlier]
         for f in (matched_a, matched_b)
     )
+    parallax = matched_b.bearing_rad + geometry.heading_rad - matched_a.bearing_rad
+    apart = np.quantile(np.abs(wrap_angle_rad(parallax[inlier])), 0.9) > _STILL_RAD
     claims = []
     for members in group_by_nearness(places_a, places_b, config.group_rad):
         chosen = inlier[members]
@@ -102,8 +105,8 @@ def compare(
             continue
         region_a, region_b = (panorama_region(f.take(chosen), rig) for f in (matched_a, matched_b))
         bearings = (circular_mean_rad(f.bearing_rad[chosen]) for f in (matched_a, matched_b))
-        ranges = geometry.ranges(*bearings)
-        if max(ranges) > config.max_range:
+        ranges = geometry.ranges(*bearings) if apart else None
+        if ranges and max(ranges) > config.max_range:
             continue
         claims.append(
             CommonLandmark(score, region_a, region_b, index_a[chosen], index_b[chosen], ranges)
@@ -155,11 +158,10 @@ def panorama_region(support: Features, rig: CameraRig) -> Region:
     low, high = float((support.slope - reach).min()), float((support.slope + reach).max())
     bearing = float(wrap_angle_rad(middle + (left + right) / 2))
     view = int(rig.view_of_bearing(bearing))
-    half = (left - right) / 2
-    sides = np.clip(
-        wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.array([-half, half]), -1.4, 1.4
-    )
-    x_px, y_px = rig.project(view, rig.azimuths_rad[view] + sides[:, None], np.array([[low, high]]))
+    half, edge = (left - right) / 2, np.radians(rig.field_of_view_deg) / 2
+    off_axis = wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.linspace(-half, half, 9)
+    across = rig.azimuths_rad[view] + np.clip(off_axis, -edge, edge)
+    x_px, y_px = rig.project(view, across[:, None], np.array([[low, high]]))
     box = (
         float(np.clip(x_px.min(), 0, rig.width_px)),
         float(np.clip(y_px.min(), 0, rig.height_px)),

@@ -10,6 +10,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vrchain.errors import ImageError
 from vrchain.landmarks.common import (
     CommonLandmark,
     Region,
@@ -22,6 +23,7 @@ from vrchain.landmarks.sift import Keypoints, detect, mutual_matches
 from vrchain.panorama import CameraRig, Panorama, read_image
 
 _LONGEST_SIDE_PX = 1000
+_LEAST_SIDE_PX = 16
 _RATIO = 0.8
 _TOLERANCE_PX = 1.5
 _MIN_INLIERS = (
@@ -38,10 +40,14 @@ def photo_landmarks(
 ) -> tuple[CommonLandmark, ...]:
     """Common landmarks of two photographs, (h, w, 3) uint8 each, surest first.
 
-    Regions are in the pixels of the pictures as given. ImageError if one is blank.
+    Regions are in the pixels of the pictures as given. ImageError if one is blank or tiny.
     """
     for name, image in (("first", a_rgb), ("second", b_rgb)):
-        check_not_blank(image, f"the {name} picture")
+        _check_usable(image, f"the {name} picture")
+    return _claims(a_rgb, b_rgb)
+
+
+def _claims(a_rgb: NDArray[np.uint8], b_rgb: NDArray[np.uint8]) -> tuple[CommonLandmark, ...]:
     (a, scale_a), (b, scale_b) = _detect_scaled(a_rgb), _detect_scaled(b_rgb)
     index_a, index_b = mutual_matches(a.descriptors, b.descriptors, _RATIO)
     xy_a, xy_b = a.xy_px[index_a], b.xy_px[index_b]
@@ -76,7 +82,7 @@ def landmarks_of_files(a: str | Path, b: str | Path) -> FileComparison:
     """Common landmarks of two files, each a photograph or a panorama's folder.
 
     Two panoramas are compared as such. A panorama beside a photograph is taken as its views, of
-    which the one with the most in common counts. ImageError names a file that is no image.
+    which the one with the most in common counts. ImageError names a file that cannot serve.
     """
     left, right = _load(a), _load(b)
     if isinstance(left, Panorama) and isinstance(right, Panorama):
@@ -85,7 +91,7 @@ def landmarks_of_files(a: str | Path, b: str | Path) -> FileComparison:
         )
     views_a, views_b = _views(left), _views(right)
     found = {
-        (i, j): photo_landmarks(view_a, view_b)
+        (i, j): _claims(view_a, view_b)  # a single view may well be blank
         for i, view_a in enumerate(views_a)
         for j, view_b in enumerate(views_b)
     }
@@ -99,13 +105,30 @@ def _views(image: Panorama | NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
 
 
 def _load(path: str | Path) -> Panorama | NDArray[np.uint8]:
-    return Panorama.load(path) if Path(path).is_dir() else read_image(path)
+    if Path(path).is_dir():
+        panorama = Panorama.load(path)
+        check_not_blank(panorama.cylinder, str(path))
+        return panorama
+    image = read_image(path)
+    _check_usable(image, str(path))
+    return image
+
+
+def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:
+    height, width = image_rgb.shape[:2]
+    if min(height, width) < _LEAST_SIDE_PX:
+        raise ImageError(
+            f"{what} is too small: expected at least {_LEAST_SIDE_PX} pixels each way, "
+            f"got {width} x {height}"
+        )
+    check_not_blank(image_rgb, what)
 
 
 def _detect_scaled(image_rgb: NDArray[np.uint8]) -> tuple[Keypoints, float]:
     scale = min(1.0, _LONGEST_SIDE_PX / max(image_rgb.shape[:2]))
     if scale < 1:
-        smaller = cv2.resize(image_rgb, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+        height, width = (max(1, round(side * scale)) for side in image_rgb.shape[:2])
+        smaller = cv2.resize(image_rgb, (width, height), interpolation=cv2.INTER_AREA)
         return detect(np.asarray(smaller, dtype=np.uint8)), scale
     return detect(image_rgb), scale
 

@@ -19,6 +19,8 @@ from vrchain.panorama import CameraRig
 
 _FAR_BASELINES = 2.0  # a landmark this many baselines off is worth 1/e of one close by
 
+_LEG_COST = 1e-9  # decides between chains of equal scores: the fewer legs the better
+
 LandmarkKey = tuple[str, str, int]
 
 
@@ -109,7 +111,7 @@ def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
 
 def _best_route(graph: nx.Graph, robot: str, seen: Mapping[str, Sighting]) -> Route | None:
     def cost(a: str, b: str, edge: dict) -> float:
-        return float(-np.log(edge["landmark"].score))
+        return float(-np.log(edge["landmark"].score)) + _LEG_COST
 
     distance, paths = nx.single_source_dijkstra(graph, robot, weight=cost)
     ends = {

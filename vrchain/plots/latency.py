@@ -72,7 +72,13 @@ def update_stages_figure(updates: Mapping[int, pd.DataFrame], note: str = "") ->
             xerr=(middle - low, high - middle), error_kw={"lw": 1.0, "ecolor": "#333333"},
         )  # fmt: skip
         for y, us, right in zip(at, middle, high, strict=True):
-            axes.text(right * 1.08, y, f"{us:.3g}", va="center", fontsize=7.5)
+            axes.text(
+                right * 1.08,
+                y,
+                f"{us:,.0f}" if us >= 100 else f"{us:.3g}",
+                va="center",
+                fontsize=7.5,
+            )
     axes.set_xscale("log")
     axes.set_xlim(0.5, axes.get_xlim()[1] * 2)
     axes.set_yticks(range(len(STAGES)), [_STAGES[stage] for stage in STAGES])
@@ -150,7 +156,8 @@ TABLE_NOTE = (
     "see; read as seconds both are plausible. Both readings are\ngiven, neither is claimed, nor "
     "which row or which way of retrieving a value of the paper belongs to. The formula and unit of "
     "its landmark quality are not\npublic; it may be another measure. Quality here: metres between "
-    "the median surface points of a claim's matches in the two views, smaller is better."
+    "the median surface points of a claim's matches in the two views, smaller is better. Pairs: "
+    "R1's panoramas, each with R2's nearest,\n2-20 m away. Positions: R1's and R2's together."
 )
 
 

@@ -3,6 +3,7 @@
 import io
 from pathlib import Path
 
+import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.files import write_file
@@ -15,10 +16,20 @@ def png_bytes(figure: Figure) -> bytes:
     return _render(figure, "png")
 
 
-def save_figure(figure: Figure, path_without_ending: Path) -> None:
-    """Write the figure as PNG and PDF."""
-    for kind in ("png", "pdf"):
-        write_file(path_without_ending.with_suffix(f".{kind}"), _render(figure, kind))
+def save_figure(figure: Figure, table: pd.DataFrame, path_without_ending: Path) -> None:
+    """Write a figure as PNG and PDF and what it shows as CSV: all three or none."""
+    contents = {kind: _render(figure, kind) for kind in ("png", "pdf")}
+    contents["csv"] = table.to_csv(index=False).encode()
+    written: list[Path] = []
+    try:
+        for kind, content in contents.items():
+            path = path_without_ending.with_suffix(f".{kind}")
+            write_file(path, content)
+            written.append(path)
+    except BaseException:
+        for path in written:
+            path.unlink(missing_ok=True)
+        raise
 
 
 def _render(figure: Figure, kind: str) -> bytes:

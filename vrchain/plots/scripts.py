@@ -14,7 +14,6 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
 from vrchain.experiments.reproduction import ADVERTISED, Results
-from vrchain.files import write_file
 from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 
@@ -30,17 +29,11 @@ def figure_names(scripts: Path = FIGURES) -> list[str]:
     return sorted(script.stem for script in scripts.glob("*.py"))
 
 
-def save_drawn(name: str, draw: Draw, results: Results, folder: Path) -> None:
-    """Draw one figure and write NAME.png, NAME.pdf and NAME.csv."""
-    figure, table = draw(results)
-    save_figure(figure, folder / name)
-    write_file(folder / f"{name}.csv", table.to_csv(index=False).encode())
-
-
 def run_script(script: str, draw: Draw) -> None:
     """What a script does when it is run by itself; see ``Results.here`` for the profile."""
     path = Path(script)
-    save_drawn(path.stem, draw, Results.here(), path.resolve().parent)
+    figure, table = draw(Results.here())
+    save_figure(figure, table, path.resolve().with_suffix(""))
     print(f"wrote {path.stem}.png, .pdf, .csv beside {path}")
 
 
@@ -59,8 +52,9 @@ def run_scripts(
     chosen, failed = list(names) or known, []
     for name in tqdm(chosen, desc="figures", unit="", disable=None):
         try:
-            draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
-            save_drawn(name, draw, results, folder)
+            draw: Draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
+            figure, table = draw(results)
+            save_figure(figure, table, folder / name)
         except Exception as error:  # a script may fail in any way; say so and go on
             failed.append(f"{name}: {type(error).__name__}: {' '.join(str(error).split())}")
     if failed:

@@ -11,6 +11,7 @@ from vrchain.scene.model import Surface
 _GUTTER_PX = 8  # the edge texels go on this far, or coarse mipmaps would mix neighbours
 _WIDTH_PX = 8192
 _EPSILON = 1e-3
+_WORTH_SPLITTING = 8000  # triangles; each part costs a draw call
 
 
 def join_by_texture(surfaces: Sequence[Surface]) -> list[Surface]:
@@ -47,6 +48,31 @@ def pack(surfaces: Sequence[Surface]) -> list[Surface]:
             replace(surface, uv=np.stack([u, v], axis=1).astype(np.float32), texture=atlas)
         )
     return [*repeating, _concatenate(moved)]
+
+
+def split_by_place(surface: Surface, cell_m: float = 24.0) -> list[Surface]:
+    """A large surface as one surface a square of the map, so that what is out of view is left out.
+
+    Squares in a fixed order; small surfaces stay whole.
+    """
+    if len(surface.faces) < _WORTH_SPLITTING:
+        return [surface]
+    middle = surface.vertices_m[surface.faces][:, :, :2].mean(axis=1)
+    _, square = np.unique(np.floor(middle / cell_m), axis=0, return_inverse=True)
+    parts = []
+    for index in range(square.max() + 1):
+        faces = surface.faces[square == index]
+        used, renumbered = np.unique(faces, return_inverse=True)
+        parts.append(
+            Surface(
+                surface.vertices_m[used],
+                renumbered.reshape(faces.shape).astype(np.int32),
+                surface.uv[used],
+                surface.shade[used],
+                surface.texture,
+            )
+        )
+    return parts
 
 
 def _repeats(surface: Surface) -> bool:

@@ -1,0 +1,271 @@
+from itertools import pairwise, permutations
+
+import numpy as np
+import pytest
+import sights
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
+from vrchain.landmarks.recognition import Goal, Template
+from vrchain.landmarks.sift import Features
+from vrchain.navigation.route import Plan, plan, worth
+from vrchain.panorama import CameraRig
+from vrchain.seeding import generator
+
+RIG = CameraRig()
+N_GOAL = 80
+GOAL = Goal(
+    (
+        Template(
+            sights.features_of(
+                generator(0, "goal").uniform(-0.2, 0.2, N_GOAL),
+                generator(1, "goal").uniform(-0.1, 0.3, N_GOAL),
+                sights.descriptors(N_GOAL, "goal"),
+            ),
+            0.2,
+        ),
+    )
+)
+
+
+def region(bearing_rad: float) -> Region:
+    return Region(0, (0.0, 0.0, 9.0, 9.0), bearing_rad, 0.1)
+
+
+def landmark(
+    score: float,
+    bearing_b: float = 0.5,
+    ranges: tuple[float, float] | None = None,
+    bearing_a: float = -0.5,
+) -> CommonLandmark:
+    return CommonLandmark(
+        score, region(bearing_a), region(bearing_b), np.arange(5), np.arange(5) + 10, ranges
+    )
+
+
+class StubIndex:
+    """What a ledger would say: common landmarks by pair of names, in the planner's order.
+
+    goal_matches: how many keypoints of the goal each panorama shows.
+    """
+
+    def __init__(
+        self,
+        edges: dict[tuple[str, str], list[CommonLandmark]],
+        goal_matches: dict[str, int],
+    ) -> None:
+        self.edges, self.goal_matches = edges, goal_matches
+        self.asked: list[tuple[str, str]] = []
+
+    def features(self, digest: bytes) -> Features:
+        n = self.goal_matches.get(digest.decode(), 0)
+        return GOAL.templates[0].features.take(np.arange(n))
+
+    def compare(self, a: bytes, b: bytes) -> Comparison:
+        return self._common(a.decode(), b.decode())
+
+    def compare_with(self, current: Features, rig: CameraRig, b: bytes) -> Comparison:
+        assert rig is RIG and len(current) == 0
+        return self._common("R1", b.decode())
+
+    def _common(self, a: str, b: str) -> Comparison:
+        self.asked.append((a, b))
+        return Comparison(tuple(self.edges.get((a, b), [])), None)
+
+
+NOTHING = GOAL.templates[0].features.take(np.arange(0))
+
+
+def planned(
+    edges: dict[tuple[str, str], float | list[CommonLandmark]],
+    goal_matches: dict[str, int],
+    robots: int = 4,
+    **options: object,
+) -> Plan:
+    """The plan of R1 where R2, R3 ... have the named landmarks in common."""
+    lists = {k: v if isinstance(v, list) else [landmark(v)] for k, v in edges.items()}
+    newest = {f"R{i}": f"R{i}".encode() for i in range(robots, 1, -1)}
+    return plan("R1", NOTHING, RIG, newest, StubIndex(lists, goal_matches), GOAL, **options)
+
+
+def test_the_papers_chain() -> None:
+    found = planned({("R1", "R2"): 0.9, ("R2", "R3"): 0.8}, {"R3": 40}, 3)
+    assert list(found.goal_seen_by) == ["R3"]
+    assert found.route.robots == ("R1", "R2", "R3") and found.route.seen_by == "R3"
+    assert [(leg.seen_by, leg.next_by) for leg in found.route.legs] == [("R1", "R2"), ("R2", "R3")]
+    assert found.route.score == pytest.approx(0.9 * 0.8 * support_score(40))
+    assert found.route.sighting.n_matches == 40
+    assert found.route.legs[0].landmark.score == 0.9
+
+
+def test_the_best_product_wins() -> None:
+    weak = {("R1", "R4"): 0.5, ("R1", "R2"): 0.9, ("R2", "R3"): 0.9, ("R3", "R4"): 0.9}
+    assert planned(weak, {"R4": 40}).route.robots == ("R1", "R2", "R3", "R4")
+    direct = {**weak, ("R1", "R4"): 0.75}  # more than 0.9 ** 3
+    assert planned(direct, {"R4": 40}).route.robots == ("R1", "R4")
+
+
+def test_how_well_the_goal_is_seen_counts_too() -> None:
+    edges = {("R1", "R2"): 0.75, ("R1", "R3"): 0.9}
+    assert planned(edges, {"R2": 60, "R3": 15}, 3).route.robots == ("R1", "R3")
+    assert planned({**edges, ("R1", "R2"): 0.88}, {"R2": 60, "R3": 15}, 3).route.seen_by == "R2"
+
+
+def test_of_equal_ends_the_one_with_fewer_legs_is_taken() -> None:
+    edges = {("R1", "R2"): 0.8, ("R2", "R3"): 1.0, ("R1", "R4"): 0.8}
+    assert planned(edges, {"R3": 40, "R4": 40}).route.robots == ("R1", "R4")
+
+
+def test_of_equal_chains_to_one_end_the_one_with_fewer_legs_is_taken() -> None:
+    """Scores reach 1 where support is large."""
+    edges = {
+        ("R1", "R2"): 1.0,
+        ("R2", "R3"): 1.0,
+        ("R3", "R5"): 0.5,
+        ("R1", "R4"): 0.5,
+        ("R4", "R5"): 1.0,
+    }
+    assert len(planned(edges, {"R5": 40}, 5).route.legs) == 2
+
+
+def test_one_robot_in_between_is_no_more_than_needed() -> None:
+    found = planned({("R1", "R2"): 0.9}, {"R2": 40}, 2)
+    assert found.route.robots == ("R1", "R2") and len(found.route.legs) == 1
+
+
+def test_nobody_sees_the_goal() -> None:
+    for n in (0, 1, 10):
+        found = planned({("R1", "R2"): 0.9}, {"R2": n}, 3)
+        assert found.route is None and found.goal_seen_by == {}
+        assert set(found.graph.edges) == {("R1", "R2")}
+
+
+def test_no_chain_leads_to_who_sees_it() -> None:
+    found = planned({("R1", "R2"): 0.9}, {"R3": 40}, 3)
+    assert found.route is None and list(found.goal_seen_by) == ["R3"]
+
+
+def test_there_is_nobody_else() -> None:
+    found = planned({}, {}, 1)
+    assert found.route is None and found.goal_seen_by == {}
+    assert list(found.graph.nodes) == ["R1"]
+
+
+def test_failed_landmarks_are_not_used_again() -> None:
+    near, far = landmark(0.9, 0.5), landmark(0.7, -2.0)
+    edges = {("R1", "R2"): [near, far]}
+    first = planned(edges, {"R2": 40}, 2).route.legs[0]
+    assert first.landmark is near
+    second = planned(edges, {"R2": 40}, 2, failed={first.key}).route.legs[0]
+    assert second.landmark is far and second.key != first.key
+    assert planned(edges, {"R2": 40}, 2, failed={first.key, second.key}).route is None
+
+
+def test_a_failed_landmark_is_known_again_from_another_place() -> None:
+    """The driving robot has moved; seen from the other one the landmark is where it was."""
+    first = planned({("R1", "R2"): [landmark(0.9, 0.5, bearing_a=0.1)]}, {"R2": 40}, 2)
+    key = first.route.legs[0].key
+    moved = {("R1", "R2"): [landmark(0.95, 0.51, bearing_a=-2.0)]}
+    assert planned(moved, {"R2": 40}, 2, failed={key}).route is None
+
+
+def test_a_failed_landmark_is_failed_whichever_way_it_is_walked() -> None:
+    edges = {("R1", "R3"): 0.9, ("R2", "R3"): 0.9}
+    route = planned(edges, {"R2": 40}, 3).route
+    assert route.robots == ("R1", "R3", "R2")
+    assert planned(edges, {"R2": 40}, 3, failed={route.legs[1].key}).route is None
+
+
+def test_a_doubted_robot_is_no_end_but_may_be_on_the_way() -> None:
+    edges = {("R1", "R2"): 0.9, ("R2", "R3"): 0.9}
+    found = planned(edges, {"R2": 60, "R3": 20}, 3)
+    assert found.route.seen_by == "R2"
+    found = planned(edges, {"R2": 60, "R3": 20}, 3, doubted={"R2"})
+    assert found.route.robots == ("R1", "R2", "R3") and list(found.goal_seen_by) == ["R3"]
+    assert planned(edges, {"R2": 60, "R3": 20}, 3, doubted={"R2", "R3"}).route is None
+
+
+def test_a_landmark_walked_against_its_order_is_turned_round() -> None:
+    """Compared as (R2, R3), walked from R3 to R2."""
+    original = landmark(0.8, 0.5, (2.0, 0.5))
+    found = planned({("R1", "R3"): 0.9, ("R2", "R3"): [original]}, {"R2": 40}, 3)
+    leg = found.route.legs[1]
+    assert (leg.seen_by, leg.next_by) == ("R3", "R2")
+    assert leg.landmark.a is original.b and leg.landmark.b is original.a
+    assert leg.landmark.support_a is original.support_b
+    assert leg.landmark.support_b is original.support_a
+    assert leg.landmark.ranges == (0.5, 2.0) and leg.landmark.score == 0.8
+    forth = planned({("R1", "R2"): 0.9, ("R2", "R3"): [original]}, {"R3": 40}, 3)
+    assert forth.route.legs[1].landmark is original
+    assert forth.route.legs[1].key == leg.key
+
+
+def test_turning_round_a_landmark_without_ranges() -> None:
+    edges = {("R1", "R3"): 0.9, ("R2", "R3"): [landmark(0.8)]}
+    assert planned(edges, {"R2": 40}, 3).route.legs[1].landmark.ranges is None
+
+
+def test_near_landmarks_are_worth_more_than_far_ones() -> None:
+    near, far = landmark(0.8, 0.5, (0.7, 0.7)), landmark(0.99, -2.0, (9.0, 9.0))
+    assert worth(near) > worth(far) > 0
+    assert worth(landmark(0.8)) == 0.8
+    found = planned({("R1", "R2"): [far, near]}, {"R2": 40}, 2)
+    assert found.route.legs[0].landmark is near
+
+
+def test_a_sure_score_and_a_hopeless_one_do_no_harm() -> None:
+    assert planned({("R1", "R2"): 1.0}, {"R2": 40}, 2).route.score <= 1
+    tiny = planned({("R1", "R2"): 1e-300}, {"R2": 40}, 2)
+    assert tiny.route is not None and 0 <= tiny.route.score < 1e-200
+
+
+def test_every_pair_is_compared_once_in_a_fixed_order() -> None:
+    index = StubIndex({}, {})
+    newest = {"R3": b"R3", "R10": b"R10", "R2": b"R2"}
+    plan("R1", NOTHING, RIG, newest, index, GOAL)
+    assert index.asked == [
+        ("R1", "R10"), ("R1", "R2"), ("R1", "R3"), ("R10", "R2"), ("R10", "R3"), ("R2", "R3"),
+    ]  # fmt: skip
+
+
+def exhaustive(edges: dict, goal_matches: dict[str, int], names: list[str]) -> float | None:
+    """The best product over all chains, tried one after the other."""
+    best = None
+    others = names[1:]
+    for n in range(1, len(names)):
+        for chain in permutations(others, n):
+            if goal_matches.get(chain[-1], 0) < 15:
+                continue
+            score = support_score(goal_matches[chain[-1]])
+            for a, b in pairwise(("R1", *chain)):
+                score *= edges.get((a, b), edges.get((b, a), 0.0))
+            if score > 0 and (best is None or score > best):
+                best = score
+    return best
+
+
+@given(st.integers(0, 100_000), st.integers(2, 6), st.floats(0.2, 0.9))
+def test_no_chain_is_better_than_the_one_planned(seed: int, robots: int, density: float) -> None:
+    draws = generator(seed, "graph")
+    names = [f"R{i + 1}" for i in range(robots)]
+    edges = {
+        (a, b): float(draws.uniform(0.3, 1.0))
+        for i, a in enumerate(names)
+        for b in names[i + 1 :]
+        if draws.uniform() < density
+    }
+    goal_matches = {n: int(draws.integers(15, 80)) for n in names[1:] if draws.uniform() < 0.5}
+    found = planned(edges, goal_matches, robots)
+    best = exhaustive(edges, goal_matches, names)
+    if best is None:
+        assert found.route is None
+        return
+    route = found.route
+    assert route.score == pytest.approx(best, rel=1e-7)
+    product = support_score(goal_matches[route.seen_by])
+    for leg in route.legs:
+        product *= leg.landmark.score
+    assert route.score == pytest.approx(product, rel=1e-7)
+    assert route.robots[0] == "R1" and len(set(route.robots)) == len(route.robots)
+    assert [leg.next_by for leg in route.legs] == list(route.robots[1:])

@@ -1,0 +1,278 @@
+import contextlib
+import errno
+import os
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from vrchain import files
+from vrchain.errors import OutputError
+from vrchain.files import check_output_folder, output_folder, write_file
+
+MARKER = "result.json"
+
+
+def tree(folder: Path) -> dict[str, bytes]:
+    """Every file below a folder, hidden ones too."""
+    return {
+        str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()
+    }
+
+
+def result(folder: Path, content: str = "new") -> None:
+    with output_folder(folder, MARKER) as scratch:
+        (scratch / MARKER).write_text(content)
+        (scratch / "deep").mkdir()
+        (scratch / "deep" / "data.bin").write_bytes(content.encode() * 3)
+
+
+WHOLE = {MARKER: b"new", "deep/data.bin": b"newnewnew"}
+
+
+def test_a_result_takes_its_place_when_it_is_complete(tmp_path: Path) -> None:
+    target = tmp_path / "made" / "on" / "the" / "way"
+    with output_folder(target, MARKER) as scratch:
+        assert not target.exists() and scratch.is_dir()
+        (scratch / MARKER).write_text("new")
+    assert tree(tmp_path) == {f"made/on/the/way/{MARKER}": b"new"}
+    assert target.stat().st_mode & 0o777 == 0o755
+    assert os.listdir(target.parent) == ["way"]
+
+
+@pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, GeneratorExit])
+@pytest.mark.parametrize("before", [False, True])
+def test_whatever_goes_wrong_nothing_half_done_remains(
+    error: type[BaseException], before: bool, tmp_path: Path
+) -> None:
+    target = tmp_path / "result"
+    if before:
+        result(target)
+    was = tree(tmp_path)
+    with pytest.raises(error), output_folder(target, MARKER) as scratch:
+        (scratch / MARKER).write_text("half")
+        raise error
+    assert tree(tmp_path) == was
+    assert os.listdir(tmp_path) == (["result"] if before else [])
+
+
+def test_an_earlier_result_is_replaced_as_a_whole(tmp_path: Path) -> None:
+    target = tmp_path / "result"
+    with output_folder(target, MARKER) as scratch:
+        (scratch / MARKER).write_text("old")
+        (scratch / "left over").write_text("old")
+    result(target)
+    assert tree(target) == WHOLE
+    assert os.listdir(tmp_path) == ["result"]
+
+
+def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    result(tmp_path / "empty")
+    assert tree(tmp_path / "empty") == WHOLE
+
+
+@pytest.mark.parametrize("kind", ["foreign", "hidden", "marker is a folder", "file", "parent"])
+def test_what_is_not_ours_is_not_touched(kind: str, tmp_path: Path) -> None:
+    target = tmp_path / "target"
+    if kind in ("file", "parent"):
+        target.write_text("mine")
+    else:
+        target.mkdir()
+        (target / ".mine").write_text("mine")
+        if kind == "foreign":
+            (target / "thesis.tex").write_text("years of work")
+        if kind == "marker is a folder":
+            (target / MARKER).mkdir()
+    was = tree(tmp_path)
+    entered = False
+    with (
+        pytest.raises(OutputError) as error,
+        output_folder(target / "below" if kind == "parent" else target, MARKER),
+    ):
+        entered = True
+    assert not entered
+    assert str(target) in str(error.value)
+    assert tree(tmp_path) == was
+
+
+def test_a_folder_can_be_checked_before_the_work(tmp_path: Path) -> None:
+    check_output_folder(tmp_path / "new", MARKER)
+    check_output_folder(tmp_path, MARKER)
+    (tmp_path / "x").write_text("mine")
+    with pytest.raises(OutputError, match="nothing of yours is lost"):
+        check_output_folder(tmp_path, MARKER)
+    with pytest.raises(OutputError, match="is a file"):
+        check_output_folder(tmp_path / "x", MARKER)
+    (tmp_path / MARKER).write_text("")
+    check_output_folder(tmp_path, MARKER)
+
+
+@pytest.mark.parametrize("name", ["n" * 300, "a/" * 3000 + "b"])
+def test_a_name_that_no_file_can_have_is_one_error(name: str, tmp_path: Path) -> None:
+    for attempt in (
+        lambda: check_output_folder(tmp_path / name, MARKER),
+        lambda: result(tmp_path / name),
+        lambda: write_file(tmp_path / name, b"x"),
+    ):
+        with pytest.raises(OutputError, match="File name too long"):
+            attempt()
+    assert tree(tmp_path) == {}
+
+
+def test_an_error_of_writing_is_said_plainly(tmp_path: Path) -> None:
+    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+    with (
+        pytest.raises(OutputError, match=r"result: No space left on device") as error,
+        output_folder(tmp_path / "result", MARKER) as scratch,
+    ):
+        (scratch / MARKER).write_text("half")
+        raise full
+    assert error.value.__cause__ is full
+    assert os.listdir(tmp_path) == []
+
+
+def test_an_error_of_ours_stays_what_it_is(tmp_path: Path) -> None:
+    with (
+        pytest.raises(OutputError, match=r"^mine$"),
+        output_folder(tmp_path / "result", MARKER),
+    ):
+        raise OutputError("mine")
+
+
+@pytest.mark.parametrize("error", [OSError(errno.EIO, "no luck"), KeyboardInterrupt()])
+def test_the_earlier_result_outlives_a_failed_exchange(
+    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every rename fails in turn: what was there is there still."""
+    target = tmp_path / "result"
+    result(target, "old")
+    was = tree(target)
+    rename, calls = Path.rename, [0]
+
+    for fails_at in (1, 2):
+        calls[0] = 0
+
+        def failing(self: Path, to: Path, fails_at: int = fails_at) -> Path:
+            calls[0] += 1
+            if calls[0] == fails_at:
+                raise error
+            return rename(self, to)
+
+        with monkeypatch.context() as patch:
+            patch.setattr(Path, "rename", failing)
+            with pytest.raises((OutputError, KeyboardInterrupt)):
+                result(target)
+        assert calls[0] >= fails_at
+        assert tree(target) == was
+        assert os.listdir(tmp_path) == ["result"]
+
+
+def test_a_result_behind_a_link_is_replaced_behind_the_link(tmp_path: Path) -> None:
+    (tmp_path / "elsewhere").mkdir()
+    link = tmp_path / "link"
+    link.symlink_to(tmp_path / "elsewhere", target_is_directory=True)
+    result(link, "old")
+    result(link)
+    assert link.is_symlink()
+    assert tree(tmp_path / "elsewhere") == WHOLE
+
+
+def test_a_relative_folder_is_meant_from_here(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    with output_folder("result", MARKER) as scratch:
+        (scratch / MARKER).write_text("new")
+        os.chdir("/")
+    assert tree(tmp_path) == {f"result/{MARKER}": b"new"}
+
+
+# --- single files ---
+
+
+def test_a_file_is_written_and_replaced(tmp_path: Path) -> None:
+    path = tmp_path / "deep" / "file.txt"
+    write_file(path, b"old and longer")
+    write_file(str(path), b"new")
+    assert tree(tmp_path) == {"deep/file.txt": b"new"}
+    write_file(path, b"")
+    assert path.read_bytes() == b""
+
+
+@pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left"), KeyboardInterrupt()])
+def test_a_file_is_whole_or_as_before(
+    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "file.txt"
+    write_file(path, b"old")
+    write = Path.write_bytes
+
+    def half(self: Path, content: bytes) -> int:
+        write(self, content[: len(content) // 2])
+        raise error
+
+    monkeypatch.setattr(Path, "write_bytes", half)
+    expected = KeyboardInterrupt if isinstance(error, KeyboardInterrupt) else OutputError
+    for name in ("file.txt", "other.txt"):
+        with pytest.raises(expected):
+            write_file(tmp_path / name, b"new content")
+    assert tree(tmp_path) == {"file.txt": b"old"}
+
+
+def test_a_file_where_a_folder_should_be_is_said_plainly(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("mine")
+    (tmp_path / "folder").mkdir()
+    for path in (tmp_path / "file" / "below.txt", tmp_path / "folder"):
+        with pytest.raises(OutputError, match=str(path)):
+            write_file(path, b"new")
+    assert tree(tmp_path) == {"file": b"mine"}
+    assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+
+
+# --- a disk that is really full ---
+
+
+@contextlib.contextmanager
+def small_disk(folder: Path) -> Iterator[Path]:
+    folder.mkdir()
+    mounted = shutil.which("mount") and os.geteuid() == 0
+    if (
+        not mounted
+        or subprocess.run(
+            ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(folder)], capture_output=True
+        ).returncode
+    ):
+        pytest.skip("mounting a small disk needs root and the right to mount")
+    try:
+        yield folder
+    finally:
+        subprocess.run(["umount", str(folder)], check=True)
+
+
+def test_a_full_disk_leaves_the_earlier_result(tmp_path: Path) -> None:
+    with small_disk(tmp_path / "disk") as disk:
+        result(disk / "result", "old")
+        write_file(disk / "file", b"old")
+        was = tree(disk)
+        with (
+            pytest.raises(OutputError, match="No space left"),
+            output_folder(disk / "result", MARKER) as scratch,
+        ):
+            (scratch / MARKER).write_bytes(bytes(200_000))
+        with pytest.raises(OutputError, match="No space left"):
+            write_file(disk / "file", bytes(200_000))
+        assert tree(disk) == was
+        result(disk / "result")  # and there is room again
+        assert tree(disk / "result") == WHOLE
+
+
+def test_nothing_of_the_module_is_left_untested() -> None:
+    public = {n for n, f in vars(files).items() if callable(f) and f.__module__ == files.__name__}
+    assert {n for n in public if not n.startswith("_")} == {
+        "check_output_folder",
+        "output_folder",
+        "write_file",
+    }

@@ -1,0 +1,115 @@
+import numpy as np
+import pytest
+import sights
+from sights import RIG, descriptors, directions, features_of, sight, two_views
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.homing import HomeVector, home_vector
+from vrchain.landmarks.sift import Features
+from vrchain.seeding import generator
+
+HOME = Pose(0.5, -0.3, 1.0)
+
+
+def off_deg(vector: HomeVector | None, here: Pose, home: Pose = HOME) -> float:
+    assert vector is not None and not vector.arrived
+    return float(
+        np.degrees(abs(wrap_angle_rad(vector.bearing_rad - here.bearing_to_rad(home.xy_m))))
+    )
+
+
+def starts(n: int, low_m: float, high_m: float) -> list[Pose]:
+    """Places around home, with random headings."""
+    draws = generator(0, "homing", str(low_m))
+    made = []
+    for _ in range(n):
+        range_m, angle, yaw = draws.uniform(low_m, high_m), *draws.uniform(-np.pi, np.pi, 2)
+        x_m, y_m = HOME.xy_m + range_m * np.array([np.cos(angle), np.sin(angle)])
+        made.append(Pose(float(x_m), float(y_m), float(yaw)))
+    return made
+
+
+@pytest.mark.parametrize(("low_m", "high_m", "median_deg"), [(0.6, 2.0, 2.0), (2.0, 5.0, 1.0)])
+def test_home_lies_where_it_says(low_m: float, high_m: float, median_deg: float) -> None:
+    off, sure = [], []
+    for here in starts(8, low_m, high_m):
+        vector = home_vector(sight(here), sight(HOME))
+        off.append(off_deg(vector, here))
+        sure.append(np.degrees(vector.std_rad))
+        assert vector.n_matches >= 8 and -np.pi <= vector.bearing_rad < np.pi
+    assert np.median(off) < median_deg
+    assert max(off) < 10
+    assert np.median(sure) < 2
+
+
+def synthetic(pose: Pose, n: int = 150, noise_rad: float = 0.0005, seed: int = 0) -> Features:
+    """The features of a made-up place, seen from a pose."""
+    points = two_views(Pose(0, 5, 0), n, seed=0).points_m
+    bearing, slope = directions(pose, points)
+    draws = generator(seed, "synthetic", f"{pose}")
+    bearing = wrap_angle_rad(bearing + draws.normal(0, noise_rad, n))
+    return features_of(bearing, slope + draws.normal(0, noise_rad, n), descriptors(n, "homing"))
+
+
+def test_home_is_found_on_a_known_answer() -> None:
+    home = Pose(0, 0, 2.0)
+    for k in range(12):
+        here = Pose(2 * np.cos(k), 2 * np.sin(k), 3.0 * k)
+        assert off_deg(home_vector(synthetic(here), synthetic(home)), here, home) < 1.5
+
+
+@pytest.mark.parametrize("turn_rad", [0.0, 0.4, 2.0, np.pi, -3.1])
+def test_home_is_known_whichever_way_the_robot_faces(turn_rad: float) -> None:
+    for here in (HOME, Pose(HOME.x_m + 0.05, HOME.y_m, HOME.yaw_rad)):
+        turned = Pose(here.x_m, here.y_m, float(wrap_angle_rad(here.yaw_rad + turn_rad)))
+        vector = home_vector(sight(turned), sight(HOME))
+        assert vector is not None and vector.arrived
+        assert vector.n_matches > 50
+    far = Pose(HOME.x_m + 2, HOME.y_m, float(wrap_angle_rad(HOME.yaw_rad + turn_rad)))
+    assert not home_vector(sight(far), sight(HOME)).arrived
+
+
+def test_arrival_is_declared_within_its_own_measure() -> None:
+    near = Pose(HOME.x_m + 0.6, HOME.y_m, 0.3)
+    assert not home_vector(sight(near), sight(HOME), arrived_rad=0.01).arrived
+    assert home_vector(sight(near), sight(HOME), arrived_rad=0.2).arrived
+
+
+def test_following_the_vector_leads_home() -> None:
+    here = Pose(3.5, 2.0, -2.0)
+    for _ in range(12):
+        vector = home_vector(sight(here), sight(HOME))
+        assert vector is not None
+        if vector.arrived:
+            break
+        step_m = min(1.0, 0.5 * here.distance_to_m(HOME.xy_m) + 0.1)  # no way to know: be careful
+        course = here.yaw_rad + vector.bearing_rad
+        here = Pose(
+            here.x_m + step_m * float(np.cos(course)),
+            here.y_m + step_m * float(np.sin(course)),
+            course,
+        )
+    assert vector.arrived
+    assert here.distance_to_m(HOME.xy_m) < 0.5
+
+
+def test_nothing_in_common_is_no_vector() -> None:
+    other = sights.boxes("nothing in common")
+    for here in starts(4, 0.5, 5.0):
+        assert home_vector(sight(here), sight(Pose(0, 0, 0), RIG, other)) is None
+
+
+@pytest.mark.parametrize("n", [0, 1, 2, 7])
+def test_hardly_any_features_are_no_vector(n: int) -> None:
+    few = sight(HOME).take(np.arange(n))
+    assert home_vector(few, sight(HOME)) is None
+    assert home_vector(sight(HOME), few) is None
+    assert home_vector(few, few) is None
+
+
+def test_nothing_is_changed_and_the_same_comes_again() -> None:
+    here = starts(1, 1.0, 2.0)[0]
+    a, b = sight(here), sight(HOME)
+    before = a.bearing_rad.copy(), b.bearing_rad.copy()
+    assert home_vector(a, b) == home_vector(a, b)
+    assert np.array_equal(a.bearing_rad, before[0]) and np.array_equal(b.bearing_rad, before[1])

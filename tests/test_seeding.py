@@ -1,0 +1,67 @@
+import numpy as np
+import pytest
+import worlds
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vrchain.seeding import generator
+
+SEEDS = st.integers(-(2**70), 2**70)
+
+
+@given(SEEDS, st.text(max_size=10))
+def test_the_same_name_draws_the_same(seed: int, name: str) -> None:
+    first, second = (generator(seed, name, 3).uniform(size=4) for _ in range(2))
+    assert np.array_equal(first, second)
+
+
+@given(SEEDS, SEEDS, st.text("abc", max_size=3), st.text("abc", max_size=3))
+def test_another_seed_or_name_draws_otherwise(
+    seed: int, other: int, name: str, another: str
+) -> None:
+    same = (seed, name) == (other, another)
+    draws = [generator(s, n).integers(0, 2**62, 2) for s, n in ((seed, name), (other, another))]
+    assert np.array_equal(*draws) == same
+
+
+def test_seed_zero_and_negative_seeds_are_seeds_like_any_other() -> None:
+    draws = {int(generator(seed, "x").integers(0, 2**62)) for seed in (0, 1, -1, 2**64)}
+    assert len(draws) == 4
+
+
+def test_names_are_in_order_and_numbers_are_names() -> None:
+    draws = [
+        int(generator(0, *names).integers(0, 2**62))
+        for names in (("a", "b"), ("b", "a"), ("a",), (), ("a", 1), ("a", 11), ("a", 1, 1))
+    ]
+    assert len(set(draws)) == len(draws)
+
+
+def test_a_new_generator_does_not_disturb_another() -> None:
+    one = generator(5, "one")
+    first = one.uniform(size=3)
+    generator(5, "two").uniform(size=100)
+    np.random.default_rng(0).uniform(size=3)
+    again = generator(5, "one")
+    assert np.array_equal(again.uniform(size=3), first)
+    assert np.array_equal(again.uniform(size=3), one.uniform(size=3))
+
+
+def test_a_numpy_seed_is_the_same_as_a_plain_one() -> None:
+    assert generator(np.int64(7), "x").uniform() == generator(7, "x").uniform()
+
+
+@pytest.mark.parametrize("bad", ["seven", None, float("nan")])
+def test_what_is_no_number_is_no_seed(bad: object) -> None:
+    with pytest.raises((TypeError, ValueError)):
+        generator(bad, "x")
+
+
+def test_two_processes_draw_the_same() -> None:
+    code = """
+import json
+from vrchain.seeding import generator
+print(json.dumps([int(generator(s, n, 2).integers(0, 2**62)) for s in (0, -5) for n in "aä"]))
+"""
+    first, second = worlds.in_two_processes(code)
+    assert first == second and len(set(first)) == 4
