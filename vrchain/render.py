@@ -139,7 +139,7 @@ class Renderer:
         try:
             for view, azimuth in zip(views, rig.azimuths_rad, strict=True):
                 drawable.set_pose(node, _camera_to_world(pose, azimuth, rig.camera_height_m))
-                if cull and self._context.loaded is drawable:
+                if cull and drawable.meshes and self._context.loaded is drawable:
                     in_view = self._parts.in_view(pose, azimuth, rig)
                     with _only(drawable, in_view):
                         view[:] = self._context.draw(drawable, rig, flags, **options)

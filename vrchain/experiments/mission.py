@@ -1,4 +1,4 @@
-"""One mission from a scene file to its end: the team, its ledger, the drive, and the truth of it."""
+"""One mission from a scene file to its end: the team, its ledger, the drive, and the truth."""
 
 import json
 from collections.abc import Callable
