@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.landmarks import draw_pairs
-from vrchain.experiments.reproduction import Results, suburb
+from vrchain.experiments.results import Results, suburb
 from vrchain.landmarks.common import common_landmarks
 from vrchain.panorama import CameraRig
 from vrchain.plots.pictures import claims_table, common_landmarks_figure

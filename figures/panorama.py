@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.reproduction import Results, suburb
+from vrchain.experiments.results import Results, suburb
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.plots.pictures import view_sheet

@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.latency import STAGES
-from vrchain.experiments.reproduction import Results
+from vrchain.experiments.results import Results
 from vrchain.plots.latency import update_stages_figure
 from vrchain.plots.scripts import run_script
 

@@ -6,7 +6,8 @@ import tempfile
 from functools import cache
 from pathlib import Path
 
-from vrchain.experiments.reproduction import PROFILES, Results, reproduce
+from vrchain.experiments.reproduction import reproduce
+from vrchain.experiments.results import PROFILES, Results
 
 SAID: list[str] = []
 

@@ -13,7 +13,7 @@ from smoke import smoke_results
 from worlds import ROOT
 
 from vrchain.errors import OutputError
-from vrchain.experiments.reproduction import PROFILES, Results
+from vrchain.experiments.results import PROFILES, Results
 from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts

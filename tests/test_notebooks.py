@@ -9,7 +9,7 @@ from smoke import smoke_results
 
 from vrchain.cli import notebooks
 from vrchain.cli.notebooks import NotebookError, execute
-from vrchain.experiments.reproduction import Results
+from vrchain.experiments.results import Results
 from vrchain.paths import NOTEBOOKS
 
 NAMES = [

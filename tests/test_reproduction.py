@@ -14,7 +14,8 @@ from worlds import in_two_processes, walled, world, yard
 from vrchain.errors import MissionError
 from vrchain.experiments import reproduction
 from vrchain.experiments.latency import RETRIEVALS, STAGES
-from vrchain.experiments.reproduction import (
+from vrchain.experiments.reproduction import reproduce
+from vrchain.experiments.results import (
     ADVERTISED,
     MARKER,
     PROFILES,
@@ -22,7 +23,6 @@ from vrchain.experiments.reproduction import (
     ReproductionError,
     Results,
     profile_named,
-    reproduce,
 )
 from vrchain.experiments.survey import start_poses, survey
 from vrchain.landmarks.common import common_landmarks

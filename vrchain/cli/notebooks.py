@@ -11,7 +11,7 @@ from pathlib import Path
 from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
-from vrchain.experiments.reproduction import Results
+from vrchain.experiments.results import Results
 from vrchain.paths import NOTEBOOKS
 
 _LIMIT_S = 900  # a cell

@@ -23,14 +23,15 @@ def reproduce(
     """
     from vrchain.cli.notebooks import run_notebooks
     from vrchain.experiments import reproduction
+    from vrchain.experiments.results import ReproductionError, Results
     from vrchain.plots.mission import save_pictures
     from vrchain.plots.scripts import run_figures
 
     if names and not only:
-        raise reproduction.ReproductionError(
+        raise ReproductionError(
             f"unexpected {' '.join(names)}: to redo single stages, put --only before their names"
         )
-    results = reproduction.Results.here(profile)
+    results = Results.here(profile)
     stages: dict[str, reproduction.Stage] = {
         **reproduction.STAGES,
         "mission": partial(reproduction.run_mission, draw=save_pictures),
@@ -52,11 +53,11 @@ def figures(
     ] = None,
 ) -> None:
     """Draw the figures, each as PNG, PDF and CSV beside its script in figures/."""
-    from vrchain.experiments import reproduction
+    from vrchain.experiments.results import Results
     from vrchain.paths import FIGURES
     from vrchain.plots.scripts import run_scripts
 
-    results = reproduction.Results.here(profile)
+    results = Results.here(profile)
     folder = output or FIGURES
     drawn = run_scripts(results, folder, names or ())
     print(f"drew {', '.join(drawn)} into {folder}")

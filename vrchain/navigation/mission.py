@@ -142,8 +142,10 @@ class _Mission:
         for _ in range(self.config.max_plans):
             features = self.look_around()
             sighting = find_goal(self.goal, features)
-            if sighting is not None and self.home_to_goal(sighting):
-                return
+            if sighting is not None:
+                if self.home_to_goal(sighting):
+                    return
+                features = self.look_around()  # it has driven since
             route = self.plan_route(features)
             self.plans.append((len(self.looks) - 1, route))
             if self.drive_chain(route) and self.home_to_goal(route=route):

@@ -11,6 +11,7 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 
+from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, support_score
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.recognition import Goal, Sighting, find_goal
@@ -73,6 +74,7 @@ def plan(
     newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
     doubted: robots whose sighting of the goal is not to be trusted.
     """
+    newest = {name: digest for name, digest in newest.items() if _readable(index, digest)}
     seen: dict[str, Sighting] = {}
     for name, digest in newest.items():
         sighting = find_goal(goal, index.features(digest))
@@ -101,6 +103,15 @@ def worth(claim: CommonLandmark) -> float:
     if claim.ranges is None:
         return claim.score
     return claim.score * float(np.exp(-sum(claim.ranges) / _FAR_BASELINES))
+
+
+def _readable(index: LandmarkIndex, digest: bytes) -> bool:
+    """Whether a payload is a panorama; a member can sign anything, and shall stop nobody by it."""
+    try:
+        index.features(digest)
+    except ImageError:
+        return False
+    return True
 
 
 def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:

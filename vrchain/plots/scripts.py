@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
-from vrchain.experiments.reproduction import ADVERTISED, Results
+from vrchain.experiments.results import ADVERTISED, Results
 from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 

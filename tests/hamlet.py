@@ -1,0 +1,61 @@
+"""A few houses and walls, close together, so that a goal can hide: a small place for missions."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import worlds
+from numpy.typing import NDArray
+
+from vrchain.geometry import rotation_z
+from vrchain.scene.model import Scene, SceneObject
+from vrchain.seeding import generator
+from vrchain.truth import GroundTruth
+
+GOAL = "house 4"
+
+
+def _texture(name: str) -> NDArray[np.uint8]:
+    coarse, fine = worlds.blotches(name, 256, 16), worlds.blotches(name + " fine", 256, 64)
+    return (coarse // 2 + fine // 2).astype(np.uint8)
+
+
+@cache
+def hamlet() -> Scene:
+    """48 x 48 m, every house with walls of its own."""
+    made: list[SceneObject] = []
+    for k in range(12):
+        draws = generator(0, "hamlet", k)
+        x_m, y_m = -15 + 10 * (k % 4), -12 + 12 * (k // 4)
+        centre = (x_m + float(draws.uniform(-1.5, 1.5)), y_m + float(draws.uniform(-1.5, 1.5)))
+        size = (draws.uniform(2.5, 4.5), draws.uniform(2.5, 4.5), draws.uniform(2.5, 4.0))
+        name, yaw = f"house {k}", float(draws.uniform(-0.3, 0.3))
+        house = worlds.box(name, centre, size, _texture(name), yaw_rad=yaw)
+        made.append(replace(house, kind="house"))
+    for k, (x_m, y_m) in enumerate([(-5, -6), (5, -6), (-5, 6), (5, 6), (15, 6), (-15, -6)]):
+        name = f"wall {k}"
+        wall = worlds.box(name, (x_m, y_m), (0.3, 3.5, 1.6), _texture(name), yaw_rad=0.2 * k)
+        made.append(wall)
+    return worlds.world(*made, extent_m=(48.0, 48.0))
+
+
+@cache
+def hamlet_truth() -> GroundTruth:
+    return GroundTruth(hamlet())
+
+
+def moved(scene: Scene, angle_rad: float, offset_xy_m: tuple[float, float], size_m: float) -> Scene:
+    """The same world turned and shifted, with every object's name and place in the list changed."""
+    turn, offset = rotation_z(angle_rad), np.array([*offset_xy_m, 0.0])
+
+    def there(thing: SceneObject) -> SceneObject:
+        surfaces = tuple(
+            replace(s, vertices_m=(s.vertices_m.astype(float) @ turn.T + offset).astype(np.float32))
+            for s in thing.surfaces
+        )
+        name = "x" + thing.name[::-1]
+        return SceneObject(
+            name, thing.kind, thing.model, thing.landmark, thing.solid, thing.size_m, surfaces
+        )
+
+    return Scene("moved", (size_m, size_m), tuple(there(o) for o in reversed(scene.objects)))

@@ -1,0 +1,158 @@
+"""A made-up plain of round things, seen without drawing: for missions that take no time."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+import sights
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.common import Comparison, compare
+from vrchain.landmarks.recognition import LOWEST_SLOPE, Goal, template_around
+from vrchain.landmarks.sift import Features
+from vrchain.panorama import CameraRig
+from vrchain.robot import Drive, Observation
+from vrchain.seeding import generator
+
+RIG = CameraRig()
+BEAMS = 2 * np.pi * np.arange(72) / 72
+RANGE_MAX_M = 8.0
+
+
+def everywhere(pose: Pose) -> bool:
+    return True
+
+
+@dataclass(frozen=True, eq=False)
+class Thing:
+    """A drum covered with points that SIFT would find. looks: whose design it has."""
+
+    name: str
+    xy_m: tuple[float, float]
+    radius_m: float = 1.5
+    height_m: float = 3.0
+    n: int = 300
+    visible_from: Callable[[Pose], bool] = everywhere
+    looks: str | None = None
+    share: float = 1.0  # of its points that have the design's look
+
+    def features(self, pose: Pose) -> Features:
+        draws = generator(0, "thing", self.looks or self.name)
+        angle, height = draws.uniform(-np.pi, np.pi, self.n), draws.uniform(0.1, 1, self.n)
+        radial = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        at = np.array(self.xy_m) + self.radius_m * radial
+        points = np.column_stack([at, self.height_m * height])
+        coded = sights.descriptors(self.n, self.looks or self.name)
+        if self.share < 1:
+            own = generator(1, "thing", self.name).uniform(size=self.n) >= self.share
+            coded = np.where(own[:, None], sights.descriptors(self.n, self.name), coded)
+        facing = ((pose.xy_m - at) * radial).sum(axis=1) > 0.2 * self.radius_m
+        facing &= self.visible_from(pose)
+        bearing, slope = sights.directions(pose, points[facing])
+        return sights.features_of(bearing, slope, coded[facing])
+
+
+@dataclass(frozen=True, eq=False)
+class Plain:
+    """Things on open ground."""
+
+    things: tuple[Thing, ...]
+
+    def features(self, pose: Pose) -> Features:
+        seen = [t.features(pose) for t in self.things]
+        return Features(
+            *(
+                np.concatenate([getattr(f, key) for f in seen])
+                for key in ("bearing_rad", "slope", "size_rad", "descriptors")
+            )
+        )
+
+    def ring_m(self, pose: Pose) -> NDArray[np.float64]:
+        ring = np.full(len(BEAMS), RANGE_MAX_M)
+        rays = np.stack([np.cos(BEAMS + pose.yaw_rad), np.sin(BEAMS + pose.yaw_rad)], axis=1)
+        for thing in self.things:
+            offset = np.array(thing.xy_m) - pose.xy_m
+            along, across = rays @ offset, rays @ (offset[::-1] * [1, -1])
+            hit = (np.abs(across) < thing.radius_m) & (along > 0)
+            near = along - np.sqrt(np.maximum(thing.radius_m**2 - across**2, 0))
+            ring = np.where(hit, np.minimum(ring, near), ring)
+        return np.clip(ring, 0, RANGE_MAX_M)
+
+    def goal(self, name: str, *azimuths_rad: float) -> Goal:
+        """Pictures of one thing from 8 m."""
+        (thing,) = (t for t in self.things if t.name == name)
+        made = []
+        for azimuth in azimuths_rad:
+            xy = np.array(thing.xy_m) + 8 * np.array([np.cos(azimuth), np.sin(azimuth)])
+            pose = Pose(float(xy[0]), float(xy[1]), float(wrap_angle_rad(azimuth + np.pi)))
+            alone = Thing(name, thing.xy_m, thing.radius_m, thing.height_m, thing.n)
+            seen = alone.features(pose)
+            made.append(template_around(seen, 0.0, 0.2, (LOWEST_SLOPE, np.inf)))
+        return Goal(tuple(made))
+
+
+@dataclass(frozen=True, eq=False)
+class Sight:
+    """Stands in for a panorama: what would be found in it."""
+
+    features: Features
+    rig: CameraRig = RIG
+
+
+@dataclass(eq=False)
+class Walker:
+    """A robot on a plain, without noise. shut_in: something stands all around it."""
+
+    plain: Plain
+    pose: Pose
+    shut_in: bool = False
+    time_ns: int = 0
+    looks: int = 0
+    path: list[tuple[float, float]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.start = self.pose
+
+    def observe(self, look: bool = False) -> Observation:
+        self.looks += look
+        ring = np.full(len(BEAMS), 0.3) if self.shut_in else self.plain.ring_m(self.pose)
+        sight = Sight(self.plain.features(self.pose)) if look else None
+        distance, bearing = (
+            self.start.distance_to_m(self.pose.xy_m),
+            self.start.bearing_to_rad(self.pose.xy_m),
+        )
+        odometry = Pose(
+            float(distance * np.cos(bearing)),
+            float(distance * np.sin(bearing)),
+            float(wrap_angle_rad(self.pose.yaw_rad - self.start.yaw_rad)),
+        )
+        return Observation(self.time_ns, odometry, ring, False, sight)  # type: ignore[arg-type]
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        yaw = self.pose.yaw_rad + command.turn_rad_s * duration_s / 2
+        step = command.speed_m_s * duration_s * np.array([np.cos(yaw), np.sin(yaw)])
+        x_m, y_m = self.pose.xy_m + (0 if self.shut_in else step)
+        turned = float(wrap_angle_rad(self.pose.yaw_rad + command.turn_rad_s * duration_s))
+        self.pose = Pose(float(x_m), float(y_m), turned)
+        self.time_ns += round(duration_s * 1e9)
+        self.path.append((self.pose.x_m, self.pose.y_m))
+
+
+class PlainIndex:
+    """A ledger's panoramas, by the digest that is the robot's name."""
+
+    def __init__(self, plain: Plain, poses: Mapping[str, Pose]) -> None:
+        self.plain, self.poses = plain, poses
+
+    def newest(self) -> dict[str, bytes]:
+        return {name: name.encode() for name in self.poses}
+
+    def features(self, digest: bytes) -> Features:
+        return self.plain.features(self.poses[digest.decode()])
+
+    def compare(self, a: bytes, b: bytes) -> Comparison:
+        return compare(self.features(a), self.features(b), RIG)
+
+    def compare_with(self, current: Features, rig: CameraRig, b: bytes) -> Comparison:
+        return compare(current, self.features(b), rig)

@@ -1,0 +1,341 @@
+import json
+from dataclasses import asdict, replace
+
+import numpy as np
+import pytest
+
+from navigation.plains import Plain, PlainIndex, Thing, Walker
+from vrchain.errors import ImageError
+from vrchain.geometry import Pose
+from vrchain.landmarks.recognition import Goal
+from vrchain.navigation import mission
+from vrchain.navigation.mission import (
+    Decision,
+    MissionConfig,
+    MissionResult,
+    range_along_m,
+    run_mission,
+)
+
+GOAL_XY = (16.0, 8.0)
+HOME = Pose(0, 0, 0.5)
+QUICK = MissionConfig(limit_s=200.0)
+
+
+@pytest.fixture(autouse=True)
+def _see_without_sift(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(mission, "extract", lambda sight: sight.features)
+
+
+def beyond(x_m: float):
+    """Visible only from east of x."""
+    return lambda pose: pose.x_m > x_m
+
+
+def street(**goal: object) -> Plain:
+    """A goal that hides from the west, a landmark on the way, and bystanders."""
+    return Plain(
+        (
+            Thing("goal", GOAL_XY, **{"visible_from": beyond(5.0), **goal}),
+            Thing("landmark", (9.0, 1.0), radius_m=1.0),
+            Thing("left", (4.0, 9.0)),
+            Thing("right", (6.0, -8.0)),
+            Thing("far", (18.0, -9.0)),
+        )
+    )
+
+
+TEAM = {"R2": Pose(10.0, 4.5, 2.0)}
+
+
+def drive(
+    plain: Plain,
+    others: dict[str, Pose],
+    *,
+    start: Pose = HOME,
+    config: MissionConfig = QUICK,
+    goal: Goal | None = None,
+    index: PlainIndex | None = None,
+    shut_in: bool = False,
+    told: list[Decision] | None = None,
+) -> tuple[MissionResult, Walker]:
+    body = Walker(plain, start, shut_in)
+    index = index or PlainIndex(plain, others)
+    goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
+    tell = (lambda d: None) if told is None else told.append
+    return run_mission("R1", body, index.newest, index, goal, config, tell), body
+
+
+def words(result: MissionResult) -> list[str]:
+    return [d.what for d in result.decisions]
+
+
+def check_log(result: MissionResult, config: MissionConfig = QUICK) -> None:
+    """It can be read and stored, runs forward in time, and ends as the mission did."""
+    assert json.loads(json.dumps([asdict(d) for d in result.decisions]))
+    assert all(d.what and d.why for d in result.decisions)
+    times = [d.time_s for d in result.decisions]
+    assert times == sorted(times)
+    assert times[-1] <= config.limit_s + 60
+    looks = [d.look for d in result.decisions if d.look is not None]
+    assert all(0 <= look < len(result.looks) for look in looks)
+    assert all(0 <= look < len(result.looks) for look, _ in result.plans)
+    assert len(result.plans) <= config.max_plans
+    last = result.decisions[-1]
+    assert last.what == ("arrived" if result.arrived else "gave up")
+    assert last.why == result.reason
+
+
+def goal_range_m(body: Walker) -> float:
+    return body.pose.distance_to_m(GOAL_XY) - 1.5
+
+
+def test_a_goal_in_view_is_driven_to() -> None:
+    plain = street(visible_from=lambda pose: True)
+    result, body = drive(plain, {})  # with nobody in the ledger
+    check_log(result)
+    assert result.arrived and result.plans == ()
+    assert words(result) == ["approach", "reached", "arrived"]
+    assert goal_range_m(body) <= QUICK.arrival_m + 0.3
+    assert result.decisions[0].values["matches"] >= 15
+    assert abs(result.decisions[0].values["bearing_deg"]) < 8
+
+
+def test_a_goal_out_of_view_is_reached_by_the_chain() -> None:
+    result, body = drive(street(), TEAM)
+    check_log(result)
+    assert result.arrived, result.decisions
+    assert goal_range_m(body) <= QUICK.arrival_m + 0.3
+    assert words(result)[:3] == ["ledger", "route", "approach"]
+    _, route = result.plans[0]
+    assert route.robots == ("R1", "R2")
+
+
+def test_two_legs() -> None:
+    plain = Plain(
+        (
+            Thing("goal", (30.0, 8.0), visible_from=beyond(18.0)),
+            Thing("first", (9.0, 1.0), radius_m=1.0),
+            Thing("left", (4.0, 9.0), visible_from=lambda p: p.x_m < 12),
+            Thing("right", (5.0, -8.0), visible_from=lambda p: p.x_m < 12),
+            Thing("second", (19.0, 0.0), radius_m=1.0, visible_from=beyond(5.0)),
+            Thing("north", (16.0, 10.0), visible_from=beyond(5.0)),
+            Thing("south", (24.0, -9.0), visible_from=beyond(5.0)),
+        )
+    )
+    team = {"R2": Pose(10.0, -3.5, 1.0), "R3": Pose(21.0, 4.0, -1.0)}
+    plain = replace(plain, things=tuple(
+        replace(t, visible_from=(lambda p: p.x_m < 12)) if t.name == "first" else t
+        for t in plain.things
+    ))  # fmt: skip
+    result, body = drive(plain, team, config=MissionConfig())
+    check_log(result, MissionConfig())
+    assert result.arrived, result.decisions
+    assert body.pose.distance_to_m((30.0, 8.0)) - 1.5 <= 2.3
+    assert result.plans[0][1].robots == ("R1", "R2", "R3")
+
+
+def test_an_empty_ledger() -> None:
+    result, body = drive(street(), {})
+    check_log(result)
+    assert not result.arrived and "no panorama of another robot" in result.reason
+    assert words(result) == ["gave up"] and body.path == []
+
+
+def test_nobody_sees_the_goal() -> None:
+    result, body = drive(street(), {"R2": Pose(1.0, -4.0, 1.0), "R3": Pose(-2.0, 3.0)})
+    check_log(result)
+    assert not result.arrived and "no robot's newest panorama shows the goal" in result.reason
+    assert body.path == []
+
+
+def test_a_goal_that_is_nowhere() -> None:
+    goal = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
+    result, _ = drive(street(), TEAM, goal=goal)
+    assert not result.arrived and "shows the goal" in result.reason
+    result, _ = drive(street(), TEAM, goal=Goal(()))
+    assert not result.arrived
+
+
+def test_no_chain_leads_to_who_sees_the_goal() -> None:
+    """All that R1 sees is hidden from R2."""
+    west = lambda pose: pose.x_m < 5  # noqa: E731
+    plain = Plain(
+        (
+            Thing("goal", GOAL_XY, visible_from=beyond(5.0)),
+            Thing("mine", (3.0, 6.0), visible_from=west),
+            Thing("also mine", (3.0, -6.0), visible_from=west),
+            Thing("yours", (12.0, -3.0), visible_from=beyond(5.0)),
+        )
+    )
+    result, body = drive(plain, TEAM)
+    check_log(result)
+    assert not result.arrived
+    assert "R2 sees the goal, but no chain of common landmarks leads there" in result.reason
+    assert body.path == []
+
+
+def test_a_landmark_that_vanishes_is_given_up_for_another_or_for_good() -> None:
+    """Nothing but the place of R2 is seen any more from x > 2; R2's sight was from before."""
+    fading = lambda pose: pose.x_m < 2 or pose.x_m == TEAM["R2"].x_m  # noqa: E731
+    plain = Plain(tuple(replace(t, visible_from=fading) for t in street().things[1:]))
+    goal = Thing("goal", GOAL_XY, visible_from=lambda p: p.x_m == TEAM["R2"].x_m)
+    plain = Plain((goal, *plain.things))
+    result, body = drive(plain, TEAM)
+    check_log(result)
+    assert not result.arrived
+    assert "lost" in words(result)
+    assert result.reason
+    assert 1 <= len(result.plans) <= QUICK.max_plans
+    keys = [route.legs[0].key for _, route in result.plans]
+    assert len(set(keys)) == len(keys)  # no landmark that failed is tried again
+    assert max(x for x, _ in body.path) < 12
+
+
+def test_a_robot_that_is_shut_in_is_blocked_and_gives_up() -> None:
+    result, body = drive(street(), TEAM, shut_in=True, config=MissionConfig())
+    check_log(result, MissionConfig())
+    assert not result.arrived
+    assert "blocked" in words(result) or "reached" in words(result)
+    assert body.pose.distance_to_m(HOME.xy_m) == 0
+
+
+def test_shut_in_with_the_goal_in_view() -> None:
+    """It cannot be driven to, and the chain cannot either: the robot says so."""
+    plain = street(visible_from=lambda pose: True)
+    for others in ({}, TEAM):
+        result, _ = drive(plain, others, shut_in=True, config=MissionConfig())
+        check_log(result, MissionConfig())
+        assert not result.arrived
+        assert words(result)[:2] == ["approach", "blocked"]
+
+
+@pytest.mark.parametrize("limit_s", [0.0, 5.0, 12.0])
+def test_time_runs_out(limit_s: float) -> None:
+    config = MissionConfig(limit_s=limit_s)
+    result, body = drive(street(), TEAM, config=config)
+    check_log(result, config)
+    assert not result.arrived and result.reason == f"out of time after {limit_s:g} s"
+    assert body.time_ns <= (limit_s + config.tick_s) * 1e9 + 1e6
+
+
+def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
+    """R2 sees a thing that has a fifth of the goal's looks."""
+    plain = Plain(
+        (
+            Thing("double", GOAL_XY, looks="goal", share=0.22, visible_from=beyond(5.0)),
+            *street().things[1:],
+        )
+    )
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    result, _ = drive(plain, TEAM, goal=goal, config=MissionConfig())
+    check_log(result, MissionConfig())
+    assert not result.arrived
+    if "ledger" in words(result) and "doubt" in words(result):
+        after = words(result)[words(result).index("doubt") :]
+        assert "route" not in after
+
+
+def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
+    plain = Plain((Thing("double", (9.0, 5.0), looks="goal", share=0.15), *street().things[1:]))
+    goal = street().goal("goal", 3.9, 3.4, -2.6, 1.0)
+    for others in ({}, {"R2": Pose(2.0, -3.0)}):
+        result, _ = drive(plain, others, goal=goal, config=MissionConfig())
+        check_log(result, MissionConfig())
+        assert not result.arrived and result.reason
+        assert words(result)[0] == "approach"
+
+
+class Junk(PlainIndex):
+    """One robot has signed and published what is no panorama."""
+
+    def features(self, digest: bytes):
+        if digest == b"R0":
+            raise ImageError("expected an encoded panorama, got other bytes")
+        return super().features(digest)
+
+    def newest(self) -> dict[str, bytes]:
+        return {"R0": b"R0", **super().newest()}
+
+
+def test_a_member_that_publishes_junk_stops_nobody() -> None:
+    plain = street()
+    result, body = drive(plain, TEAM, index=Junk(plain, TEAM))
+    assert result.arrived and goal_range_m(body) <= QUICK.arrival_m + 0.3
+    alone, _ = drive(plain, TEAM, index=Junk(plain, {}))
+    assert not alone.arrived and alone.reason
+
+
+def test_every_decision_is_told_as_it_is_made() -> None:
+    told: list[Decision] = []
+    result, _ = drive(street(), TEAM, told=told)
+    assert tuple(told) == result.decisions
+
+
+def test_a_failing_listener_is_not_swallowed() -> None:
+    class Stop(Exception):
+        pass
+
+    def tell(decision: Decision) -> None:
+        raise Stop
+
+    plain = street()
+    index = PlainIndex(plain, TEAM)
+    with pytest.raises(Stop):
+        run_mission(
+            "R1", Walker(plain, HOME), index.newest, index, plain.goal("goal", 3.9), QUICK, tell
+        )
+
+
+def test_the_same_mission_is_the_same_twice() -> None:
+    runs = [drive(street(), TEAM) for _ in range(2)]
+    assert runs[0][0].decisions == runs[1][0].decisions
+    assert runs[0][1].path == runs[1][1].path
+
+
+def test_where_the_world_lies_and_how_the_robot_is_turned_make_no_difference() -> None:
+    """The plain is moved and turned under the robots: the log stays as it is."""
+    angle, offset = 2.1, np.array([30.0, -70.0])
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, -s], [s, c]])
+
+    def there(pose: Pose) -> Pose:
+        x_m, y_m = turn @ pose.xy_m + offset
+        return Pose(float(x_m), float(y_m), pose.yaw_rad + angle)
+
+    def back(pose: Pose) -> Pose:
+        x_m, y_m = turn.T @ (pose.xy_m - offset)
+        return Pose(float(x_m), float(y_m), pose.yaw_rad - angle)
+
+    class Moved(Plain):
+        def features(self, pose: Pose):
+            return super().features(back(pose))
+
+        def ring_m(self, pose: Pose):
+            return super().ring_m(back(pose))
+
+    plain, goal = street(), street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    here, _ = drive(plain, TEAM, goal=goal)
+    elsewhere, _ = drive(
+        Moved(plain.things), {n: there(p) for n, p in TEAM.items()}, start=there(HOME), goal=goal
+    )
+    assert len(here.decisions) == len(elsewhere.decisions) > 4
+    for a, b in zip(here.decisions, elsewhere.decisions, strict=True):
+        assert (a.time_s, a.what, a.why, a.look) == (b.time_s, b.what, b.why, b.look)
+        assert a.values.keys() == b.values.keys()
+        for key, value in a.values.items():
+            assert b.values[key] == (
+                value if isinstance(value, str) else pytest.approx(value, abs=0.1)
+            )
+
+
+def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
+    ring = np.full(72, 8.0)
+    ring[18], ring[20], ring[0] = 3.0, 2.0, 1.0
+    beam = 2 * np.pi / 72
+    assert range_along_m(ring, 18 * beam) == 3.0
+    assert range_along_m(ring, 19 * beam) == 2.0
+    assert range_along_m(ring, 2 * np.pi - 0.05) == 1.0  # round the back of the ring
+    assert range_along_m(ring, -0.05) == 1.0
+    assert range_along_m(ring, 0.5) == 8.0
+    assert range_along_m(np.array([4.0]), 2.0) == np.inf
