@@ -212,9 +212,7 @@ class Panorama:
         fits = len(sizes) == rig.n_views and ends[-1] == len(blob)
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
             raise ImageError("encoded panorama: its table of views does not fit its bytes")
-        views = [
-            _decode_image(blob[a:b], "a view") for a, b in itertools.pairwise(ends)
-        ]
+        views = [_decode_image(blob[a:b], "a view") for a, b in itertools.pairwise(ends)]
         if any(v.shape != (rig.height_px, rig.width_px, 3) for v in views):
             raise ImageError("encoded panorama: a view has another size than its rig says")
         return cls(rig, np.stack(views))

@@ -121,7 +121,7 @@ def test_a_scene_without_houses_needs_a_named_goal() -> None:
 
 def test_too_many_robots_for_the_place_is_said_plainly() -> None:
     """A chain of twenty needs more room than there is."""
-    with pytest.raises(MissionError, match="20 robots.*try another goal"):
+    with pytest.raises(MissionError, match=r"20 robots.*try another goal"):
         draw_task(hamlet(), hamlet_truth(), RIG, 0, 20, goal=GOAL)
 
 

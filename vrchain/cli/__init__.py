@@ -3,7 +3,9 @@
 Exit status 0, or not 0 with one line that says what was expected, what came, how to mend it.
 """
 
+import signal
 import sys
+from types import FrameType
 
 import typer
 
@@ -34,17 +36,29 @@ def version() -> None:
 
 def main() -> None:
     """Run the command line; errors of use become one line and an exit status."""
+    interrupts: list[int] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        interrupts.append(number)  # libraries may turn what is raised into errors of their own
+        raise KeyboardInterrupt
+
+    signal.signal(signal.SIGINT, interrupt)
+    status = 1
     try:
         status = app(standalone_mode=False)
     except VRChainError as error:
-        status = _fail(" ".join(str(error).split()), 1)
+        if not interrupts:
+            status = _fail(" ".join(str(error).split()), 1)
     except typer.TyperException as error:
         status = _fail(f"{error.format_message()} (see `vrchain --help`)", 2)
-    except (KeyboardInterrupt, typer.Abort):
-        status = _fail("interrupted: nothing half-written is left", 130)
     except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
         sys.stderr.close()
         status = 141
+    except BaseException:
+        if not interrupts:
+            raise
+    if interrupts:
+        status = _fail("interrupted: nothing half-written is left", 130)
     sys.exit(status)
 
 

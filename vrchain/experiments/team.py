@@ -95,22 +95,26 @@ def _tasks(
 ) -> Iterator[tuple[int, Task]]:
     """Tasks as ``draw_task`` describes them, with the landmarks that both ends see."""
     draws = generator(seed, "task")
+    pictured: dict[int, list[Pose]] = {}
     for _ in range(_BATCHES):
         for target, chain in _hidden_goals(scene, truth, goals, len(names), draws):
+            if target not in pictured:
+                pictured[target] = goal_poses(scene, truth, target, seed)
+            if len(pictured[target]) < GOAL_PICTURES:
+                continue
             places = [Pose(*map(float, (*xy, draws.uniform(-np.pi, np.pi)))) for xy in chain]
             if target in truth.visibility(places[0], rig).index:
                 continue
             if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
                 continue
             starts = [start for place in places if (start := _run_up(scene, place, draws))]
-            poses = goal_poses(scene, truth, target, seed)
-            if len(starts) < len(names) or len(poses) < GOAL_PICTURES:
+            if len(starts) < len(names):
                 continue
             task = Task(
                 dict(zip(names, places, strict=True)),
                 dict(zip(names, starts, strict=True)),
                 scene.objects[target].name,
-                tuple(poses),
+                tuple(pictured[target]),
             )
             yield len(co_visible(truth, places[0], places[-1], rig)), task
 
@@ -291,6 +295,8 @@ def _hidden_goals(
         chain.insert(0, chain[0] + draws.uniform(*SPACING_M, _BATCH)[:, None] * _unit(course))
     places = np.stack(chain, axis=1)
     free = scene.is_free(places.reshape(-1, 2), _CLEARANCE_M).reshape(-1, n_robots).all(axis=1)
+    if not free.any():
+        return
     target, places = target[free], places[free]
     surface = {int(i): _surface_points(scene, int(i), draws) for i in np.unique(target)}
     points = np.array([surface[int(i)] for i in target]).reshape(len(target), -1, 3)
