@@ -1,5 +1,6 @@
 """A few houses and walls, close together, so that a goal can hide: a small place for missions."""
 
+from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
 
@@ -44,18 +45,32 @@ def hamlet_truth() -> GroundTruth:
     return GroundTruth(hamlet())
 
 
-def moved(scene: Scene, angle_rad: float, offset_xy_m: tuple[float, float], size_m: float) -> Scene:
-    """The same world turned and shifted, with every object's name and place in the list changed."""
+def on_grid(scene: Scene, size_m: float) -> Scene:
+    """The same on a larger map, rounded to 1/1024 m: then a right angle's turn loses no bit."""
+
+    def rounded(thing: SceneObject) -> SceneObject:
+        return _with_vertices(thing, thing.name, lambda v: np.round(v.astype(float) * 1024) / 1024)
+
+    return Scene("grid", (size_m, size_m), tuple(rounded(o) for o in scene.objects))
+
+
+def moved(scene: Scene, angle_rad: float, offset_xy_m: tuple[float, float]) -> Scene:
+    """The same world turned and shifted, with every object's name changed."""
     turn, offset = rotation_z(angle_rad), np.array([*offset_xy_m, 0.0])
 
     def there(thing: SceneObject) -> SceneObject:
-        surfaces = tuple(
-            replace(s, vertices_m=(s.vertices_m.astype(float) @ turn.T + offset).astype(np.float32))
-            for s in thing.surfaces
-        )
         name = "x" + thing.name[::-1]
-        return SceneObject(
-            name, thing.kind, thing.model, thing.landmark, thing.solid, thing.size_m, surfaces
-        )
+        return _with_vertices(thing, name, lambda v: v.astype(float) @ turn.T + offset)
 
-    return Scene("moved", (size_m, size_m), tuple(there(o) for o in reversed(scene.objects)))
+    return Scene("moved", scene.extent_m, tuple(there(o) for o in scene.objects))
+
+
+def _with_vertices(
+    thing: SceneObject, name: str, change: Callable[[NDArray[np.float32]], NDArray[np.float64]]
+) -> SceneObject:
+    surfaces = tuple(
+        replace(s, vertices_m=change(s.vertices_m).astype(np.float32)) for s in thing.surfaces
+    )
+    return SceneObject(
+        name, thing.kind, thing.model, thing.landmark, thing.solid, thing.size_m, surfaces
+    )

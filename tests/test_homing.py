@@ -32,7 +32,7 @@ def starts(n: int, low_m: float, high_m: float) -> list[Pose]:
 @pytest.mark.parametrize(("low_m", "high_m", "median_deg"), [(0.6, 2.0, 2.0), (2.0, 5.0, 1.0)])
 def test_home_lies_where_it_says(low_m: float, high_m: float, median_deg: float) -> None:
     off, sure = [], []
-    for here in starts(8, low_m, high_m):
+    for here in starts(6, low_m, high_m):
         vector = home_vector(sight(here), sight(HOME))
         off.append(off_deg(vector, here))
         sure.append(np.degrees(vector.std_rad))
@@ -58,7 +58,7 @@ def test_home_is_found_on_a_known_answer() -> None:
         assert off_deg(home_vector(synthetic(here), synthetic(home)), here, home) < 1.5
 
 
-@pytest.mark.parametrize("turn_rad", [0.0, 0.4, 2.0, np.pi, -3.1])
+@pytest.mark.parametrize("turn_rad", [0.0, 2.0, -3.1])
 def test_home_is_known_whichever_way_the_robot_faces(turn_rad: float) -> None:
     for here in (HOME, Pose(HOME.x_m + 0.05, HOME.y_m, HOME.yaw_rad)):
         turned = Pose(here.x_m, here.y_m, float(wrap_angle_rad(here.yaw_rad + turn_rad)))

@@ -105,8 +105,11 @@ def test_landmarks_count_every_pair(results: Results) -> None:
 
 def test_the_mission_can_be_looked_at_again(results: Results) -> None:
     run = results.mission()
-    assert run.summary() == json.loads(results.path("mission", "mission.json").read_text())
-    with Ledger.open(results.path("mission", "ledger")) as ledger:
+    (row,) = results.table("mission", "missions").itertuples()
+    folder = results.path("mission", f"seed_{row.seed}")
+    assert run.summary() == json.loads((folder / "mission.json").read_text())
+    assert (row.arrived, row.success) == (run.result.arrived, run.success)
+    with Ledger.open(folder / "ledger") as ledger:
         assert ledger.head.hash.hex() == run.head
     assert len(run.log()) == len(run.result.decisions) > 0
 

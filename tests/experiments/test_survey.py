@@ -106,7 +106,10 @@ def test_a_robots_name_must_fit_the_ledger(tmp_path: Path) -> None:
         small(tmp_path / "ledger", 2, robots=("R1", "no\nname"))
 
 
-def test_robots_that_get_nowhere_are_an_error(tmp_path: Path) -> None:
+def test_robots_that_get_nowhere_are_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vrchain.experiments.survey._MAX_TICKS_A_POSITION", 20)
     rules = UpdateRules(distance_m=1e6, view_change=1e6, max_age_s=1e6)
     with pytest.raises(MissionError, match="only 2 of 4 positions"):
         small(tmp_path / "ledger", 4, rules=rules)

@@ -83,7 +83,7 @@ def test_the_goals_pictures_show_the_goal_and_little_else(task: Task) -> None:
 
 def test_the_same_seed_draws_the_same_task_and_another_draws_another() -> None:
     drawn = [
-        draw_task(hamlet(), hamlet_truth(), RIG, seed, 3, goal=goal)
+        draw_task(hamlet(), hamlet_truth(), RIG, seed, 2, goal=goal)
         for seed, goal in ((5, GOAL), (5, GOAL), (6, GOAL))
     ]
     assert drawn[0] == drawn[1]
@@ -119,12 +119,20 @@ def test_a_scene_without_houses_needs_a_named_goal() -> None:
         draw_task(scene, GroundTruth(scene), RIG, 0)
 
 
+@pytest.fixture
+def _few_draws(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("vrchain.experiments.team._BATCHES", 1)
+    monkeypatch.setattr("vrchain.experiments.team._BATCH", 4000)
+
+
+@pytest.mark.usefixtures("_few_draws")
 def test_too_many_robots_for_the_place_is_said_plainly() -> None:
     """A chain of twenty needs more room than there is."""
     with pytest.raises(MissionError, match=r"20 robots.*try another goal"):
         draw_task(hamlet(), hamlet_truth(), RIG, 0, 20, goal=GOAL)
 
 
+@pytest.mark.usefixtures("_few_draws")
 def test_a_goal_in_plain_view_of_everywhere_is_said_plainly() -> None:
     from vrchain.truth import GroundTruth
 
@@ -134,6 +142,7 @@ def test_a_goal_in_plain_view_of_everywhere_is_said_plainly() -> None:
         draw_task(scene, GroundTruth(scene), RIG, 0, goal="tower")
 
 
+@pytest.mark.usefixtures("_few_draws")
 def test_a_goal_that_is_shut_in_has_no_pictures() -> None:
     from vrchain.truth import GroundTruth
 
@@ -220,9 +229,9 @@ def test_watching_looks_only_now_and_then(tmp_path: Path) -> None:
     with ledger:
         looks = [robot.watch().panorama is not None]
         for _ in range(10):
-            robot.drive(Drive(0.5), 1.0)
+            robot.drive(Drive(0.45), 1.0)
             looks.append(robot.watch().panorama is not None)
-        assert looks[0] and sum(looks) == 2  # at the start, and after 2.5 m; 5 m are not full yet
+        assert looks[0] and sum(looks) == 2  # at the start, and after 2.5 m
         assert robot.monitor.travelled_m < 5
         robot.simulator.step({}, 21.0)
         assert robot.watch().panorama is not None

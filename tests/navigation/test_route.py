@@ -208,8 +208,9 @@ def test_turning_round_a_landmark_without_ranges() -> None:
 
 def test_near_landmarks_are_worth_more_than_far_ones() -> None:
     near, far = landmark(0.8, 0.5, (0.7, 0.7)), landmark(0.99, -2.0, (9.0, 9.0))
-    assert worth(near) > worth(far) > 0
-    assert worth(landmark(0.8)) == 0.8
+    assert worth(near, 7.0) > worth(far, 7.0) > 0
+    assert worth(near, 7.0) > worth(near, 14.0)  # the same angles, but twice the way
+    assert worth(landmark(0.8), 7.0) == 0.8
     found = planned({("R1", "R2"): [far, near]}, {"R2": 40}, 2)
     assert found.route.legs[0].landmark is near
 

@@ -114,16 +114,26 @@ def run_mission(
     folder: Path,
     draw: Callable[[mission.MissionRun, Path], object] = lambda run, folder: None,
 ) -> str:
-    """One mission; ``draw`` may add pictures of it to the folder."""
-    profile = results.profile
-    run = mission.run(suburb(), folder / "ledger", seed=profile.seed, rig=profile.mission_rig)
-    mission.save_log(run, folder)
+    """Some missions; ``draw`` may add pictures of each to its folder.
+
+    All outcomes are in missions.csv. Pictures elsewhere show the first that truly arrived, if one
+    did.
+    """
+    profile, runs = results.profile, []
+    for seed in range(profile.seed, profile.seed + profile.missions):
+        own = folder / f"seed_{seed}"
+        own.mkdir()
+        run = mission.run(suburb(), own / "ledger", seed=seed, rig=profile.mission_rig)
+        mission.save_log(run, own)
+        draw(run, own)
+        runs.append(run)
+    outcomes = pd.DataFrame([{"seed": profile.seed + k, **r.summary()} for k, r in enumerate(runs)])
+    outcomes.to_csv(folder / "missions.csv", index=False)
+    shown = max(runs, key=lambda r: r.success)  # the first of equals
     with open(folder / "run.pickle", "wb") as file:
-        pickle.dump(replace(run, scene=None), file)  # type: ignore[arg-type]
-    draw(run, folder)
-    outcome = "arrived" if run.result.arrived else f"gave up ({run.result.reason})"
-    truth = "a success" if run.success else "no success"
-    return f"{run.robot} {outcome}, {run.range_m:.1f} m from {run.task.goal}: {truth}"
+        pickle.dump(replace(shown, scene=None), file)  # type: ignore[arg-type]
+    false = int((outcomes.arrived & ~outcomes.success).sum())
+    return f"{outcomes.success.sum()} of {len(runs)} arrived, {false} false arrivals"
 
 
 STAGES: dict[str, Stage] = {

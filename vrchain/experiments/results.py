@@ -39,6 +39,7 @@ class Profile:
     mission_rig: CameraRig = field(default_factory=CameraRig)
     seed: int = 10_000
     positions: tuple[int, ...] = (40, 200, 500)
+    missions: int = 3
     pairs_a_band: int = 8  # random pairs of places
     bands_m: tuple[tuple[float, float], ...] = ((5.0, 10.0), (10.0, 20.0))
     survey_pairs: int = 12  # at most, of R1's and R2's panoramas, for each number of positions
@@ -55,13 +56,14 @@ PROFILES = {
         Profile(
             "paper",
             CameraRig(),
+            missions=10,
             pairs_a_band=60,
             survey_pairs=60,
             retrieval_samples=100,
             vision_samples=20,
         ),
         Profile(
-            "smoke", _TINY, _SMALL, _TINY, 3_000, (4, 8, 12), 2, survey_pairs=2, vision_samples=1
+            "smoke", _TINY, _SMALL, _TINY, 3_000, (4, 8, 12), 1, 2, survey_pairs=2, vision_samples=1
         ),
     )
 }
@@ -149,7 +151,7 @@ class Results:
         )
 
     def mission(self) -> mission.MissionRun:
-        """The mission that was driven."""
+        """One of the missions: the first that truly arrived, if one did."""
         with open(self.path("mission", "run.pickle"), "rb") as file:
             run: mission.MissionRun = pickle.load(file)
         return replace(run, scene=suburb())

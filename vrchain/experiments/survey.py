@@ -41,6 +41,10 @@ def survey(
     ledger: see ``team.Publication``. MissionError if the robots get nowhere, or if the positions
     cannot be shared out evenly.
     """
+    if not robots or len(set(robots)) < len(robots):
+        raise MissionError(
+            f"expected names of robots, each once, got {', '.join(robots) or 'none'}"
+        )
     share, rest = divmod(n_positions, len(robots))
     if rest or share < 1:
         raise MissionError(f"{n_positions} positions cannot be shared out to {len(robots)} robots")

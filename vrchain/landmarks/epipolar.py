@@ -26,6 +26,9 @@ _SAMPLES = 800
 _TOLERANCE_RAD = 0.005  # about three pixels of a 640-pixel, 60-degree view
 _PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
 _POLISH_STEPS = 5
+_NEAR_RAD = 0.03  # parallax of points that tell the scale
+_LEAST_LOW_POINTS = 7
+_LOWEST = 0.95  # what lies lower still is a mistake; within 20 % on suburbs of seed 1000
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +38,15 @@ class PlanarGeometry:
     direction_rad: bearing of B seen from A. heading_rad: B's heading against A's, anticlockwise.
     back_rad: bearing of A seen from B. inliers: (m,) bool over the matches given.
     direction_std_rad: standard deviation of the direction by the spread of the residuals.
+    baseline_heights: distance from A to B in heights of the cameras above the ground, NaN if too
+    little of the ground was matched.
     """
 
     direction_rad: float
     heading_rad: float
     inliers: NDArray[np.bool_]
     direction_std_rad: float
+    baseline_heights: float = np.nan
 
     @property
     def back_rad(self) -> float:
@@ -91,8 +97,21 @@ def estimate(
     inliers = _inliers(angles[:1], angles[1:], *matches, tolerance_rad)[0]
     if inliers.sum() < min_inliers:
         return None
-    heading = float(wrap_angle_rad(angles[0] - angles[1]))
-    return PlanarGeometry(float(wrap_angle_rad(angles[0])), heading, inliers, std_rad)
+    direction, heading = (float(wrap_angle_rad(a)) for a in (angles[0], angles[0] - angles[1]))
+    alpha, t_a, beta, _ = (x[inliers] for x in matches)
+    baseline = _baseline_heights(alpha - angles[0], t_a, beta - angles[1])
+    return PlanarGeometry(direction, heading, inliers, std_rad, baseline)
+
+
+def _baseline_heights(da: Array, t_a: Array, db: Array) -> float:
+    """The scale of the scene: its lowest points are the ground, one camera height down."""
+    parallax = np.sin(db - da)
+    near = np.abs(parallax) > _NEAR_RAD
+    depth = -np.abs(np.sin(db[near]) / parallax[near]) * t_a[near]  # below the camera, in baselines
+    depth = depth[depth > 0]
+    if len(depth) < _LEAST_LOW_POINTS:
+        return np.nan
+    return float(1 / np.quantile(depth, _LOWEST))
 
 
 def _from_two(a: Array, b: Array) -> tuple[Array, Array]:

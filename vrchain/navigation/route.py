@@ -11,14 +11,15 @@ from itertools import pairwise
 import networkx as nx
 import numpy as np
 
-from vrchain.errors import ImageError
-from vrchain.landmarks.common import CommonLandmark, support_score
+from vrchain.errors import VRChainError
+from vrchain.landmarks.common import CommonLandmark, Comparison, support_score
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.recognition import Goal, Sighting, find_goal
 from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
 
-_FAR_BASELINES = 2.0  # a landmark this many baselines off is worth 1/e of one close by
+_FAR_M = 30.0  # a way this long by a landmark leaves 1/e of the chance to arrive
+_TYPICAL_BASELINE_M = 10.0  # where too little of the ground was matched to tell
 
 _LEG_COST = 1e-9  # decides between chains of equal scores: the fewer legs the better
 
@@ -69,7 +70,7 @@ def plan(
     failed: Set[LandmarkKey] = frozenset(),
     doubted: Set[str] = frozenset(),
 ) -> Plan:
-    """The chain with the best product of scores from what ``robot`` sees now to the goal.
+    """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
     newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
     doubted: robots whose sighting of the goal is not to be trusted.
@@ -85,33 +86,44 @@ def plan(
     names = [robot, *sorted(newest)]
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
-            found = (
+            compared = (
                 index.compare_with(current, rig, newest[b])
                 if a == robot
                 else index.compare(newest[a], newest[b])
-            ).common
-            usable = [(worth(c), _key(a, b, c), c) for c in found]
-            usable = [u for u in usable if u[1] not in failed]
+            )
+            usable = [(c, _key(a, b, c)) for c in compared.common]
+            usable = [(c, key) for c, key in usable if key not in failed]
             if usable:
-                _, key, landmark = max(usable, key=lambda u: u[0])
-                graph.add_edge(a, b, landmark=landmark, key=key, ends=(a, b))
+                baseline_m = _baseline_m(compared, rig)
+                worths = [worth(c, baseline_m) for c, _ in usable]
+                best = int(np.argmax(worths))
+                landmark, key = usable[best]
+                graph.add_edge(a, b, landmark=landmark, key=key, ends=(a, b), worth=worths[best])
     return Plan(_best_route(graph, robot, seen), graph, seen)
 
 
-def worth(claim: CommonLandmark) -> float:
-    """Which of two robots' common landmarks to use: a high score, and not far from both."""
-    if claim.ranges is None:
-        return claim.score
-    return claim.score * float(np.exp(-sum(claim.ranges) / _FAR_BASELINES))
-
-
 def _readable(index: LandmarkIndex, digest: bytes) -> bool:
-    """Whether a payload is a panorama; a member can sign anything, and shall stop nobody by it."""
+    """Whether the panorama is there and is one: what others publish may be anything."""
     try:
         index.features(digest)
-    except ImageError:
+    except VRChainError:
         return False
     return True
+
+
+def worth(claim: CommonLandmark, baseline_m: float) -> float:
+    """The chance to get on by a common landmark: its score, less for a long way by it.
+
+    baseline_m: the distance between the two robots that have it in common.
+    """
+    if claim.ranges is None:
+        return claim.score
+    return claim.score * float(np.exp(-sum(claim.ranges) * baseline_m / _FAR_M))
+
+
+def _baseline_m(compared: Comparison, rig: CameraRig) -> float:
+    heights = compared.geometry.baseline_heights if compared.geometry else np.nan
+    return heights * rig.camera_height_m if np.isfinite(heights) else _TYPICAL_BASELINE_M
 
 
 def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
@@ -122,7 +134,7 @@ def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
 
 def _best_route(graph: nx.Graph, robot: str, seen: Mapping[str, Sighting]) -> Route | None:
     def cost(a: str, b: str, edge: dict) -> float:
-        return float(-np.log(edge["landmark"].score)) + _LEG_COST
+        return float(-np.log(edge["worth"])) + _LEG_COST
 
     distance, paths = nx.single_source_dijkstra(graph, robot, weight=cost)
     ends = {

@@ -1,0 +1,226 @@
+import hashlib
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+from hamlet import GOAL, hamlet, moved, on_grid
+from sights import RIG
+
+from vrchain.errors import LedgerError, MissionError
+from vrchain.experiments import mission
+from vrchain.experiments.mission import MARKER, SUCCESS_RANGE_M, MissionRun, save_log
+from vrchain.geometry import Pose, rotation_z
+from vrchain.landmarks.index import LandmarkIndex
+from vrchain.landmarks.recognition import goal_of
+from vrchain.ledger import Ledger, verify
+from vrchain.navigation.mission import MissionConfig, MissionResult, run_mission
+from vrchain.panorama import CameraRig
+from vrchain.paths import SCENES
+from vrchain.robot import Drive, Observation
+from vrchain.scene import load_scene
+from vrchain.scene.model import Scene
+from vrchain.simulator import Simulator
+
+SHORT = MissionConfig(limit_s=90.0)
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> tuple[MissionRun, Path]:
+    folder = tmp_path_factory.mktemp("mission") / "ledger"
+    run = mission.run(hamlet(), folder, seed=1, n_robots=2, goal=GOAL, rig=RIG, config=SHORT)
+    return run, folder
+
+
+def check_run(run: MissionRun) -> None:
+    """What it claims and what is true are told apart."""
+    target = run.scene.objects[run.scene.index_of(run.task.goal)]
+    true_m = target.footprint.distance(shapely.Point(*run.final_pose.xy_m))
+    assert run.range_m == pytest.approx(true_m)
+    assert run.result.reason
+    if run.success:
+        assert run.result.arrived and run.range_m <= SUCCESS_RANGE_M
+    path = run.paths_xy_m[run.robot]
+    assert np.allclose(path[-1], run.final_pose.xy_m)
+    assert run.scene.is_free(path, 0.399).all()  # nobody went through a wall
+
+
+def test_a_small_mission_ends_in_truth_or_says_that_it_gave_up(
+    driven: tuple[MissionRun, Path],
+) -> None:
+    run, folder = driven
+    check_run(run)
+    assert run.success or not run.result.arrived
+    assert verify(folder).ok
+    with Ledger.open(folder) as ledger:
+        assert ledger.head.hash.hex() == run.head
+        assert set(ledger.robots) == {"R1", "R2"}
+
+
+def test_the_log_can_be_stored(driven: tuple[MissionRun, Path], tmp_path: Path) -> None:
+    run, _ = driven
+    save_log(run, tmp_path)
+    summary = json.loads((tmp_path / MARKER).read_text())
+    assert summary == run.summary()
+    assert summary["goal"] == GOAL and summary["robot"] == "R1" and summary["head"] == run.head
+    lines = (tmp_path / "decisions.jsonl").read_text().splitlines()
+    assert [json.loads(line)["what"] for line in lines] == [d.what for d in run.result.decisions]
+    table = run.log()
+    assert list(table.what) == [d.what for d in run.result.decisions]
+    assert table.time_s.is_monotonic_increasing
+    assert summary["driven_m"] >= 0 and summary["simulated_s"] <= SHORT.limit_s + 30
+
+
+def test_the_robot_is_not_told_the_goals_name(driven: tuple[MissionRun, Path]) -> None:
+    run, folder = driven
+    text = json.dumps([[d.what, d.why, dict(d.values)] for d in run.result.decisions])
+    assert not any(o.name in text for o in run.scene.objects)
+    for path in folder.rglob("*"):
+        if path.is_file():
+            assert GOAL.encode() not in path.read_bytes()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"goal": "nothing"}, "no object 'nothing'"),
+        ({"robot": "R7"}, "no robot 'R7'"),
+        ({"n_robots": 1}, "expected 2 to 20"),
+    ],
+)
+def test_a_mission_that_cannot_be_leaves_nothing(
+    options: dict, message: str, tmp_path: Path
+) -> None:
+    with pytest.raises(MissionError, match=message):
+        mission.run(hamlet(), tmp_path / "ledger", rig=RIG, **options)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_an_existing_ledger_is_not_driven_into(
+    driven: tuple[MissionRun, Path],
+) -> None:
+    _, folder = driven
+    before = digest_of(folder)
+    with pytest.raises(LedgerError):
+        mission.run(hamlet(), folder, seed=1, n_robots=2, goal=GOAL, rig=RIG, config=SHORT)
+    assert digest_of(folder) == before
+
+
+def digest_of(folder: Path) -> str:
+    total = hashlib.sha256()
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and not path.name.endswith(("-wal", "-shm")):
+            total.update(path.name.encode() + path.read_bytes())
+    return total.hexdigest()
+
+
+# --- what a robot may know ---
+
+
+class Body:
+    """A simulated robot that publishes nothing."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+
+    def observe(self, look: bool = False) -> Observation:
+        return self.simulator.observe("R1", look=look)
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        self.simulator.step({"R1": command}, duration_s)
+
+
+SINGLE = CameraRig(n_views=1, width_px=320, height_px=240, field_of_view_deg=60.0)
+SEEN_FROM = [Pose(-10.0, 0.0, 0.2), Pose(-5.0, 9.5, -1.5)]
+HIDDEN, IN_VIEW = Pose(-2.0, -6.0, 0.3), Pose(-10.5, 0.5, 0.6)
+
+
+def mover(angle_rad: float, offset_xy_m: tuple[float, float]) -> Callable[[Pose], Pose]:
+    """Where a pose lies when the world is turned and shifted."""
+
+    def there(pose: Pose) -> Pose:
+        x_m, y_m = rotation_z(angle_rad)[:2, :2] @ pose.xy_m + offset_xy_m
+        return Pose(float(x_m), float(y_m), pose.yaw_rad + angle_rad)
+
+    return there
+
+
+def drive_from(
+    scene: Scene, place: Callable[[Pose], Pose], start: Pose, limit_s: float
+) -> tuple[MissionResult, Pose]:
+    """R1 seeks what R2 sees; ``place`` says where the hamlet's poses lie in this scene."""
+    simulator = Simulator(scene, {"R1": place(start)}, seed=3, rig=RIG)
+    renderer = simulator.renderer
+    blobs = {b"R2": renderer.render(place(Pose(0.0, 6.0, 2.0)), RIG).encode()}
+    goal = goal_of([renderer.render(place(p), SINGLE) for p in SEEN_FROM])
+    result = run_mission(
+        "R1",
+        Body(simulator),
+        lambda: {"R2": b"R2"},
+        LandmarkIndex(blobs.__getitem__),
+        goal,
+        MissionConfig(limit_s=limit_s),
+    )
+    return result, simulator.pose("R1")
+
+
+@pytest.mark.parametrize("shift_m", [(0.0, 0.0), (64.0, -32.0)], ids=["turned", "moved"])
+@pytest.mark.parametrize(
+    ("start", "limit_s", "expected"),
+    [
+        (HIDDEN, 8.0, ["ledger", "route", "approach", "gave up"]),
+        (IN_VIEW, 60.0, ["approach", "reached", "arrived"]),
+    ],
+    ids=["by the ledger", "goal in view"],
+)
+def test_names_and_the_worlds_frame_are_nothing_to_a_robot(
+    start: Pose, limit_s: float, expected: list[str], shift_m: tuple[float, float]
+) -> None:
+    """The scene is turned, shifted, and all its objects are renamed: the log stays as it is.
+
+    A turn by a right angle changes not one pixel; a shift changes the last bit of coordinates,
+    so a few pixels in a thousand, by little.
+    """
+    here = on_grid(hamlet(), 400.0)  # so wide that its edge is not felt
+    elsewhere = moved(here, np.pi / 2, shift_m)
+    there = mover(np.pi / 2, shift_m)
+    assert {o.name for o in here.objects}.isdisjoint(o.name for o in elsewhere.objects)
+    first, stayed = drive_from(here, lambda pose: pose, start, limit_s)
+    second, went = drive_from(elsewhere, there, start, limit_s)
+    assert [d.what for d in first.decisions] == expected
+    assert [(d.what, d.why, d.look) for d in first.decisions] == [
+        (d.what, d.why, d.look) for d in second.decisions
+    ]
+    exact = shift_m == (0.0, 0.0)
+    for a, b in zip(first.decisions, second.decisions, strict=True):
+        assert b.time_s == pytest.approx(a.time_s, abs=1e-9 if exact else 0.7)
+        assert a.values.keys() == b.values.keys()
+        for key, value in a.values.items():
+            if exact:
+                assert b.values[key] == (
+                    value if isinstance(value, str) else pytest.approx(value, abs=0.11)
+                )
+    off_m = went.distance_to_m(there(stayed).xy_m)
+    assert off_m < (0.02 if exact else 1.0)
+
+
+# --- in the suburb ---
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_mission_in_the_suburb_is_true_and_the_same_twice(seed: int, tmp_path: Path) -> None:
+    scene = load_scene(SCENES / "suburb.yaml")
+    runs = [mission.run(scene, tmp_path / f"ledger {k}", seed=seed) for k in range(2)]
+    for run in runs:
+        check_run(run)
+        assert run.success or not run.result.arrived
+        assert run.collisions == 0
+        assert run.seconds <= MissionConfig().limit_s + 5
+    first, second = runs
+    assert first.result.decisions == second.result.decisions
+    assert first.head == second.head
+    assert np.array_equal(first.paths_xy_m["R1"], second.paths_xy_m["R1"])
+    assert first.summary() == second.summary()
