@@ -2,7 +2,7 @@
 PYTHON ?= python3
 PROFILE ?= quick
 # Processes that run the tests; 0 runs them in pytest's own.
-WORKERS ?= 0
+WORKERS ?= 2
 # An index that has CPU builds of torch; needed on Linux only, see environment.md.
 TORCH_INDEX ?=
 

@@ -210,17 +210,24 @@ def test_names_and_the_worlds_frame_are_nothing_to_a_robot(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [0, 1])
-def test_a_mission_in_the_suburb_is_true_and_the_same_twice(seed: int, tmp_path: Path) -> None:
+def test_a_mission_in_the_suburb_is_the_same_twice(tmp_path: Path) -> None:
     scene = load_scene(SCENES / "suburb.yaml")
-    runs = [mission.run(scene, tmp_path / f"ledger {k}", seed=seed) for k in range(2)]
-    for run in runs:
-        check_run(run)
-        assert run.success or not run.result.arrived
-        assert run.collisions == 0
-        assert run.seconds <= MissionConfig().limit_s + 5
-    first, second = runs
+    first, second = (mission.run(scene, tmp_path / f"ledger {k}", seed=1) for k in range(2))
+    check_in_the_suburb(first)
     assert first.result.decisions == second.result.decisions
     assert first.head == second.head
     assert np.array_equal(first.paths_xy_m["R1"], second.paths_xy_m["R1"])
     assert first.summary() == second.summary()
+
+
+@pytest.mark.slow
+def test_a_mission_in_the_suburb_is_true_or_given_up(tmp_path: Path) -> None:
+    scene = load_scene(SCENES / "suburb.yaml")
+    check_in_the_suburb(mission.run(scene, tmp_path / "ledger", seed=0))
+
+
+def check_in_the_suburb(run: MissionRun) -> None:
+    check_run(run)
+    assert run.success or not run.result.arrived
+    assert run.collisions == 0
+    assert run.seconds <= MissionConfig().limit_s + 5

@@ -150,7 +150,7 @@ class _Mission:
             self.plans.append((len(self.looks) - 1, route))
             if self.drive_chain(route) and self.home_to_goal(route=route):
                 return
-            self.log("plan again", "the chain could not be driven to its end")
+            self.log("plan again", "the goal was not reached this way")
         raise _GaveUp(f"{self.config.max_plans} plans failed")
 
     def look_around(self) -> Features:

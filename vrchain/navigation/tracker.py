@@ -10,7 +10,7 @@ from vrchain.landmarks.sift import Features
 
 _WINDOW_RAD = 0.5  # from one look to the next a landmark's bearing changes less
 _LEAST_WAY_M = 1.5  # before which growth tells nothing
-_DOUBT = 3.5  # the scale of a first, far sighting is rough
+_DOUBT = 2.0  # scale is a rough measure
 
 
 class Tracker:
@@ -19,8 +19,8 @@ class Tracker:
     The pictures of it that one started with are trusted most; between them, and when the robot
     has come too near for them, the newest view of it serves as the next picture.
 
-    templates: the pictures. bearing_rad: where it was last seen. growth: how many times larger it
-    XX
+    bearing_rad: where it was last seen. growth: how many times larger it looks than at the start.
+    lost: looks since it was seen. best_matches: for each picture the most keypoints that agreed.
     """
 
     def __init__(
