@@ -50,9 +50,10 @@ class MissionConfig:
     arrival_m: float = 2.0  # the goal is reached at this range
     look_every_m: float = 1.0  # of way, while homing on something
     tick_s: float = 0.3  # between two steering commands
-    sure_matches: int = 30  # with the goal's pictures, seen on the way, to claim arrival
+    sure_matches: int = 25  # with the goal's pictures, seen on the way, to claim arrival
     lost_after: int = 4  # looks in a row without recognising it
     stuck_after_s: float = 20.0  # without half a metre of headway
+    leg_limit_s: float = 90.0  # for one approach; what takes longer leads astray
     limit_s: float = 600.0
     max_plans: int = 4
 
@@ -277,7 +278,11 @@ class _Mission:
             bearing_deg=bearing_deg, matches=sighting.n_matches,
         )  # fmt: skip
         track = Tracker(templates, min_matches, sighting, features, self.now.odometry)
+        until_ns = self.now.time_ns + int(self.config.leg_limit_s * 1e9)
         while track.lost < self.config.lost_after:
+            if self.now.time_ns > until_ns:
+                self.log("astray", f"{name} is not reached after {self.config.leg_limit_s:g} s")
+                return None
             outcome = self.drive_towards(track.bearing_rad, stop_m, track)
             if outcome == "near":
                 self.log(
