@@ -39,7 +39,7 @@ class Profile:
     mission_rig: CameraRig = field(default_factory=CameraRig)
     seed: int = 10_000
     positions: tuple[int, ...] = (40, 200, 500)
-    missions: int = 2
+    missions: int = 1
     pairs_a_band: int = 8  # random pairs of places
     bands_m: tuple[tuple[float, float], ...] = ((5.0, 10.0), (10.0, 20.0))
     survey_pairs: int = 12  # at most, of R1's and R2's panoramas, for each number of positions

@@ -50,7 +50,7 @@ class MissionConfig:
     arrival_m: float = 2.0  # the goal is reached at this range
     look_every_m: float = 1.0  # of way, while homing on something
     tick_s: float = 0.3  # between two steering commands
-    sure_matches: int = 25  # with the goal's pictures, seen on the way, to claim arrival
+    sure_matches: int = 30  # with the goal's pictures, seen on the way, to claim arrival
     lost_after: int = 4  # looks in a row without recognising it
     stuck_after_s: float = 20.0  # without half a metre of headway
     leg_limit_s: float = 90.0  # for one approach; what takes longer leads astray

@@ -19,7 +19,8 @@ from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
 
 _FAR_M = 30.0  # a way this long by a landmark leaves 1/e of the chance to arrive
-_TYPICAL_BASELINE_M = 10.0  # where too little of the ground was matched to tell
+_NEIGHBOUR_M = 10.0  # robots farther apart have few landmarks in common, and less sure ones
+_TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 
 _LEG_COST = 1e-9  # decides between chains of equal scores: the fewer legs the better
 
@@ -112,13 +113,15 @@ def _readable(index: LandmarkIndex, digest: bytes) -> bool:
 
 
 def worth(claim: CommonLandmark, baseline_m: float) -> float:
-    """The chance to get on by a common landmark: its score, less for a long way by it.
+    """The chance to get on by a common landmark: its score, less for robots far from each other.
 
-    baseline_m: the distance between the two robots that have it in common.
+    baseline_m: the distance between the two robots that have it in common. Also less for a long
+    way by the landmark.
     """
     if claim.ranges is None:
         return claim.score
-    return claim.score * float(np.exp(-sum(claim.ranges) * baseline_m / _FAR_M))
+    apart = (baseline_m / _NEIGHBOUR_M) ** 2 + sum(claim.ranges) * baseline_m / _FAR_M
+    return claim.score * float(np.exp(-apart))
 
 
 def _baseline_m(compared: Comparison, rig: CameraRig) -> float:
