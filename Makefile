@@ -9,6 +9,8 @@ TORCH_INDEX ?=
 BIN := .venv/bin
 export PYOPENGL_PLATFORM ?= egl
 export TORCH_INDEX
+# Else each process would compile thousands of modules of .venv anew: seconds each.
+unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:

@@ -1,3 +1,5 @@
+from itertools import pairwise
+
 import cv2
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
 from vrchain.scene import atlas
-from vrchain.scene.atlas import join_by_texture, pack, split_by_place
+from vrchain.scene.atlas import join_by_texture, pack, sort_by_place
 from vrchain.scene.model import Scene, Surface, place
 from vrchain.seeding import generator
 
@@ -197,19 +199,26 @@ def test_every_triangle_is_still_there_with_its_light() -> None:
     assert all(s.uv.dtype == np.float32 and s.faces.dtype == np.int32 for s in packed)
 
 
-def test_a_surface_split_by_place_is_the_same_surface(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_surface_sorted_by_place_is_the_same_surface() -> None:
     surfaces = [s for o in worlds.yard().objects for s in o.surfaces]
     whole = pack(surfaces)[0]
-    assert split_by_place(whole) == [whole]  # too small to be worth it
-    monkeypatch.setattr(atlas, "_WORTH_SPLITTING", 10)
-    parts = split_by_place(whole, 8.0)
-    assert len(parts) > 5
-    assert np.array_equal(triangles(parts, True), triangles([whole], True))
-    for part in parts:
-        assert part.texture is whole.texture and part.faces.dtype == np.int32
-        assert np.array_equal(np.unique(part.faces), np.arange(len(part.vertices_m)))
-        middle = part.vertices_m[part.faces][:, :, :2].mean(axis=1)
-        assert len(np.unique(np.floor(middle / 8.0), axis=0)) == 1
+    ordered, starts = sort_by_place(whole, 8.0)
+    assert np.array_equal(triangles([ordered], True), triangles([whole], True))
+    assert starts[0] == 0 and starts[-1] == len(whole.faces) and (np.diff(starts) > 0).all()
+    squares = []
+    for first, last in pairwise(starts):
+        middle = ordered.vertices_m[ordered.faces[first:last]][:, :, :2].mean(axis=1)
+        squares.append(np.unique(np.floor(middle / 8.0), axis=0))
+    assert all(len(square) == 1 for square in squares)
+    assert len(np.unique(np.concatenate(squares), axis=0)) == len(squares) > 5
+
+
+def test_every_vertex_knows_the_surface_it_comes_from() -> None:
+    surfaces = [s for o in worlds.yard().objects for s in o.surfaces]
+    for joined in pack(surfaces):
+        for index in np.unique(joined.owner):
+            of_it = joined.vertices_m[joined.owner == index]
+            assert np.array_equal(of_it, surfaces[index].vertices_m)
 
 
 def gallery() -> Scene:
@@ -230,10 +239,9 @@ def gallery() -> Scene:
 def test_packed_and_unpacked_are_the_same_picture(monkeypatch: pytest.MonkeyPatch) -> None:
     scene = gallery()
     packed = Renderer(scene)
-    monkeypatch.setattr("vrchain.render.pack", list)
+    monkeypatch.setattr("vrchain.render.pack", join_by_texture)
     plain = Renderer(scene)
-    counts = [len(next(iter(r._coloured.meshes)).primitives) for r in (packed, plain)]
-    assert counts[0] < counts[1] == 7
+    assert len(packed._squares) < len(plain._squares) == 7
     for pose in (Pose(0, 0, 0.3), Pose(2, 1, 2.0)):
         a, b = (r.render(pose, RIG).views.astype(int) for r in (packed, plain))
         off = np.abs(a - b).max(axis=-1)

@@ -1,7 +1,7 @@
 """Many textures packed into one, so that a scene is drawn in a few calls instead of hundreds."""
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,18 +11,26 @@ from vrchain.scene.model import Surface
 _GUTTER_PX = 8  # the edge texels go on this far, or coarse mipmaps would mix neighbours
 _WIDTH_PX = 8192
 _EPSILON = 1e-3
-_WORTH_SPLITTING = 8000  # triangles; each part costs a draw call
 
 
-def join_by_texture(surfaces: Sequence[Surface]) -> list[Surface]:
+@dataclass(frozen=True, eq=False)
+class Joined(Surface):
+    """Many surfaces in one. owner: (n,) int32, which of those surfaces a vertex is of."""
+
+    owner: NDArray[np.int32]
+
+
+def join_by_texture(surfaces: Sequence[Surface]) -> list[Joined]:
     """Surfaces that share a texture array become one, in order of first use."""
-    groups: dict[int, list[Surface]] = {}
-    for surface in surfaces:
-        groups.setdefault(id(surface.texture), []).append(surface)
+    groups: dict[int, list[Joined]] = {}
+    for index, s in enumerate(surfaces):
+        owner = np.full(len(s.vertices_m), index, dtype=np.int32)
+        joined = Joined(s.vertices_m, s.faces, s.uv, s.shade, s.texture, owner)
+        groups.setdefault(id(s.texture), []).append(joined)
     return [_concatenate(group) for group in groups.values()]
 
 
-def pack(surfaces: Sequence[Surface]) -> list[Surface]:
+def pack(surfaces: Sequence[Surface]) -> list[Joined]:
     """The same picture with fewer textures: those that never repeat share one atlas.
 
     Textures that repeat (uv beyond 0..1) stay by themselves, first and in their order.
@@ -50,29 +58,17 @@ def pack(surfaces: Sequence[Surface]) -> list[Surface]:
     return [*repeating, _concatenate(moved)]
 
 
-def split_by_place(surface: Surface, cell_m: float = 24.0) -> list[Surface]:
-    """A large surface as one surface a square of the map, so that what is out of view is left out.
+def sort_by_place(surface: Joined, cell_m: float = 16.0) -> tuple[Joined, NDArray[np.int64]]:
+    """A surface with the triangles of each square of the map one after the other.
 
-    Squares in a fixed order; small surfaces stay whole.
+    Returns it and the first triangle of every square, (n_squares + 1,) int: what is out of view can
+    be left out, square by square.
     """
-    if len(surface.faces) < _WORTH_SPLITTING:
-        return [surface]
     middle = surface.vertices_m[surface.faces][:, :, :2].mean(axis=1)
     _, square = np.unique(np.floor(middle / cell_m), axis=0, return_inverse=True)
-    parts = []
-    for index in range(square.max() + 1):
-        faces = surface.faces[square == index]
-        used, renumbered = np.unique(faces, return_inverse=True)
-        parts.append(
-            Surface(
-                surface.vertices_m[used],
-                renumbered.reshape(faces.shape).astype(np.int32),
-                surface.uv[used],
-                surface.shade[used],
-                surface.texture,
-            )
-        )
-    return parts
+    order = np.argsort(square, kind="stable")
+    starts = np.searchsorted(square[order], np.arange(square.max() + 2))
+    return replace(surface, faces=surface.faces[order]), starts
 
 
 def _repeats(surface: Surface) -> bool:
@@ -92,13 +88,14 @@ def _shelves(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], 
     return corners, row + shelf
 
 
-def _concatenate(group: Sequence[Surface]) -> Surface:
+def _concatenate(group: Sequence[Joined]) -> Joined:
     first = np.cumsum([0, *(len(s.vertices_m) for s in group[:-1])])
     faces: list[NDArray[np.int32]] = [s.faces + n for s, n in zip(group, first, strict=True)]
-    return Surface(
+    return Joined(
         np.concatenate([s.vertices_m for s in group]),
         np.concatenate(faces).astype(np.int32),
         np.concatenate([s.uv for s in group]),
         np.concatenate([s.shade for s in group]),
         group[0].texture,
+        np.concatenate([s.owner for s in group]),
     )
