@@ -58,6 +58,7 @@ def loaded_by(modules: list[str], folder: Path) -> dict[str, list[str]]:
 
 def test_no_module_loads_a_heavy_library_or_leaves_a_file(tmp_path: Path) -> None:
     others = [name for name in modules() if not name.startswith("vrchain.plots")]
+    others.remove("vrchain.render.drawer")  # itself imported only when something is drawn
     assert loaded_by(others, tmp_path) == {}
     assert list(tmp_path.iterdir()) == []
 
