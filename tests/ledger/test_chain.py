@@ -7,9 +7,13 @@ import pytest
 from ledgers import KEYS, OPERATOR_KEY, PUBLIC, entry_of, new_chain, next_entry
 
 from vrchain.ledger import errors
-from vrchain.ledger.block import NO_TRANSACTION, Block, Entry
+from vrchain.ledger.block import Block, Entry, records_root
 from vrchain.ledger.chain import Chain, genesis_entry
+from vrchain.ledger.encoding import digest
 from vrchain.ledger.membership import OPERATOR
+from vrchain.ledger.table import Table
+from vrchain.ledger.transaction import NO_TRANSACTION, Transaction
+from vrchain.ledger.validity import follow
 
 
 def two_published() -> Chain:
@@ -51,9 +55,28 @@ def re_signed(chain: Chain, author: str) -> Entry:
     return Entry(replace(block, author=author).signed(KEYS["R3"]), records)
 
 
-def newest_of(chain: Chain, **newest: bytes) -> tuple[tuple[str, bytes], ...]:
-    block = next_entry(chain, "R1", 30).block
-    return tuple(sorted((dict(block.newest) | newest).items()))
+def with_newest(chain: Chain, without: str = "", **newest: bytes) -> Entry:
+    """A valid next entry but for the table that its block's root stands for."""
+    rows = dict(next_entry(chain, "R1", 30).block.newest) | newest
+    rows.pop(without, None)
+    return changed(chain, newest_root=Table(rows).root)
+
+
+def expulsion(chain: Chain, name: str = "R2", author: str = OPERATOR, signer: str = "") -> Entry:
+    draft = chain.draft_expulsion(name, 30)
+    return entry_of(chain, draft.signed(KEYS.get(signer, OPERATOR_KEY)), author=author)
+
+
+def drop(chain: Chain, *blobs: bytes, author: str = OPERATOR, signer: str = "") -> Entry:
+    draft = chain.draft_drop(blobs, 30)
+    return entry_of(chain, draft.signed(KEYS.get(signer, OPERATOR_KEY)), author=author)
+
+
+def in_one_block(chain: Chain, **changes: object) -> Entry:
+    """Two transactions with one number, both signed by R1."""
+    first = chain.draft_transaction("R1", bytes(32), "view", 30)
+    second = replace(first, **changes)  # type: ignore[arg-type]
+    return entry_of(chain, first.signed(KEYS["R1"]), second.signed(KEYS["R1"]))
 
 
 REFUSED: dict[str, tuple[type[errors.InvalidError], Callable[[Chain], Entry]]] = {
@@ -64,23 +87,34 @@ REFUSED: dict[str, tuple[type[errors.InvalidError], Callable[[Chain], Entry]]] =
     "block before record": (errors.TimeOrderError, lambda c: changed(c, timestamp_ns=29)),
     "record before last": (errors.TimeOrderError, lambda c: transaction(c, timestamp_ns=19)),
     "replayed": (errors.ReplayError, again),
-    "sequence used": (errors.ReplayError, lambda c: transaction(c, sequence=1)),
+    "sequence used": (errors.EquivocationError, lambda c: transaction(c, sequence=1)),
+    "sequence used long ago": (errors.ReplayError, lambda c: transaction(c, sequence=0)),
+    "sequence used by another": (
+        errors.SignatureError,
+        lambda c: transaction(c, signer="R2", sequence=1),
+    ),
+    "two with one number": (errors.EquivocationError, lambda c: in_one_block(c, reason="time")),
+    "one twice in a block": (errors.ReplayError, in_one_block),
+    "other previous": (errors.BrokenLinkError, lambda c: transaction(c, previous=bytes(32))),
     "sequence skipped": (errors.SequenceGapError, lambda c: transaction(c, sequence=3)),
     "signed by another": (errors.SignatureError, lambda c: transaction(c, signer="R2")),
     "in another's name": (
         errors.SignatureError,
-        lambda c: transaction(c, signer="R1", robot="R2", sequence=0),
+        lambda c: transaction(c, signer="R1", robot="R2", sequence=0, previous=NO_TRANSACTION),
     ),
     "not a member": (errors.UnknownMemberError, lambda c: transaction(c, "R3", robot="R3")),
     "of another ledger": (errors.WrongLedgerError, lambda c: transaction(c, ledger_id=bytes(32))),
     "block re-signed": (errors.SignatureError, lambda c: re_signed(c, "R1")),
     "author not a member": (errors.UnknownMemberError, lambda c: re_signed(c, "R3")),
     "author is operator": (errors.SignatureError, lambda c: re_signed(c, OPERATOR)),
-    "records not listed": (errors.RecordListError, lambda c: changed(c, records=())),
-    "records of another": (errors.RecordListError, lambda c: changed(c, records=(bytes(32),))),
+    "records not listed": (
+        errors.RecordListError,
+        lambda c: changed(c, records_root=records_root(())),
+    ),
+    "records of another": (errors.RecordListError, lambda c: changed(c, records_root=bytes(32))),
     "no records": (
         errors.RecordListError,
-        lambda c: Entry(replace(c.draft_block((), "R1")).signed(KEYS["R1"]), ()),
+        lambda c: entry_of(c),
     ),
     "records missing": (
         errors.RecordListError,
@@ -88,21 +122,33 @@ REFUSED: dict[str, tuple[type[errors.InvalidError], Callable[[Chain], Entry]]] =
     ),
     "newest not carried": (
         errors.NewestError,
-        lambda c: changed(c, newest=newest_of(c, R1=NO_TRANSACTION)),
+        lambda c: with_newest(c, R1=NO_TRANSACTION),
     ),
     "newest invented": (
         errors.NewestError,
-        lambda c: changed(c, newest=newest_of(c, R3=bytes(32))),
+        lambda c: with_newest(c, R3=bytes(32)),
     ),
-    "robot left out": (errors.NewestError, lambda c: changed(c, newest=newest_of(c)[:1])),
+    "robot left out": (errors.NewestError, lambda c: with_newest(c, "R2")),
     "enrolled by a member": (errors.SignatureError, lambda c: enrolment(c, signer="R1")),
     "enrolled in a member's block": (errors.UnknownMemberError, lambda c: enrolment(c, "R1")),
     "enrolled twice": (errors.DuplicateMemberError, lambda c: enrolment(c, name="R2")),
     "enrolment skipped": (errors.SequenceGapError, lambda c: enrolment(c, sequence=1)),
     "second genesis": (
         errors.RecordListError,
-        lambda c: Entry(c.draft_block((c.genesis,), "R1").signed(KEYS["R1"]), (c.genesis,)),
+        lambda c: entry_of(c, c.genesis),
     ),
+    "expelled by a member": (errors.SignatureError, lambda c: expulsion(c, signer="R1")),
+    "expelled in a member's block": (
+        errors.UnknownMemberError,
+        lambda c: expulsion(c, author="R1"),
+    ),
+    "expelled who is none": (errors.UnknownMemberError, lambda c: expulsion(c, "R3")),
+    "dropped by a member": (errors.SignatureError, lambda c: drop(c, b"x" * 32, signer="R1")),
+    "dropped in a member's block": (
+        errors.UnknownMemberError,
+        lambda c: drop(c, b"x" * 32, author="R1"),
+    ),
+    "newest dropped": (errors.DropError, lambda c: drop(c, bytes(32), b"x" * 32)),
 }
 
 
@@ -141,8 +187,12 @@ def test_check_is_pure() -> None:
     head = chain.head
     state = chain.check(*entry)
     assert chain.head == head
-    assert chain.check(*entry) == state
-    chain.advance(state)
+    again = chain.check(*entry)
+    assert (again.head, again.newest, again.table.root) == (
+        state.head, state.newest, state.table.root
+    )  # fmt: skip
+    assert chain.head == head
+    chain.append(*entry)
     assert chain.head == entry.block
 
 
@@ -205,3 +255,64 @@ def test_two_ledgers_differ_by_salt_name_or_time() -> None:
 def test_names_that_cannot_be_members(name: str) -> None:
     with pytest.raises(errors.RecordError):
         genesis_entry({name: KEYS["R1"].public}, OPERATOR_KEY, 0)
+
+
+def test_equivocation_is_told_with_both_records_as_evidence() -> None:
+    chain = two_published()
+    first = chain.latest("R1")
+    assert first is not None
+    forged = transaction(chain, sequence=1)
+    with pytest.raises(errors.EquivocationError) as raised:
+        chain.append(*forged)
+    assert (raised.value.first, raised.value.second) == (first, forged.records[0])
+    for evidence in (raised.value.first, raised.value.second):
+        assert KEYS["R1"].public.accepts(evidence.body, evidence.signature)
+
+
+def test_equivocation_with_an_older_number_needs_the_history() -> None:
+    chain = new_chain()
+    older = next_entry(chain, "R1", 10)
+    chain.append(*older)
+    chain.append(*next_entry(chain, "R1", 20))
+    forged = transaction(chain, sequence=0)
+    with pytest.raises(errors.ReplayError):
+        chain.append(*forged)
+
+    def earlier(robot: str, sequence: int) -> Transaction | None:
+        assert (robot, sequence) == ("R1", 0)
+        assert isinstance(older.records[0], Transaction)
+        return older.records[0]
+
+    with pytest.raises(errors.EquivocationError) as raised:
+        follow(chain.state, *forged, earlier)
+    assert raised.value.first == older.records[0]
+
+
+def test_an_expelled_member_is_out_for_ever() -> None:
+    chain = two_published()
+    late = next_entry(chain, "R1", 40).records[0]
+    chain.append(*expulsion(chain, "R1"))
+    assert list(chain.members) == ["R2"]
+    assert [robot for robot, _ in chain.head.newest] == ["R2"]
+    with pytest.raises(errors.ExpelledMemberError, match="expelled R1"):
+        chain.latest("R1")
+    refused = [
+        entry_of(chain, late, author="R2"),  # its transaction in another's block
+        Entry(replace(next_entry(chain, "R2", 40).block, author="R1").signed(KEYS["R1"]), ()),
+        expulsion(chain, "R1"),
+        enrolment(chain, name="R1"),  # with another key
+        enrolment(chain, name="R1", public_key=KEYS["R1"].public),  # or its own
+    ]
+    refused[1] = Entry(refused[1].block, next_entry(chain, "R2", 40).records)  # its block
+    for entry in refused:
+        with pytest.raises(errors.ExpelledMemberError):
+            chain.append(*entry)
+    chain.append(*next_entry(chain, "R2", 40, author="R2"))
+
+
+def test_a_drop_may_name_what_is_not_newest() -> None:
+    chain = two_published()
+    chain.append(*drop(chain, b"x" * 32, digest(b"payload")))
+    assert chain.state.operator_records == 1
+    with pytest.raises(errors.RecordError, match="1 to"):
+        chain.draft_drop((), 30)

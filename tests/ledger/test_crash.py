@@ -61,6 +61,11 @@ def test_a_killed_writer_loses_nothing_acknowledged(tmp_path: Path, kills: int) 
         assert found.ok, found.reason
         with Ledger.open(folder) as ledger:
             stored = [transaction.id for transaction in ledger.history("R1")]
+            named = {transaction.payload_digest.hex() for transaction in ledger.history("R1")}
+        orphans = [p for p in (folder / "blobs").iterdir() if p.name not in named]
+        assert len(orphans) <= 1
+        with Ledger.open(folder, writable=True) as ledger:
+            assert ledger.clean() == len(orphans)
         # At most the one that was being acknowledged is there beside the known ones.
         assert set(known) <= set(stored)
         assert len(stored) - len(known) <= 1
@@ -83,3 +88,43 @@ def test_two_writers_take_turns(tmp_path: Path) -> None:
         for robot in ("R1", "R2"):
             assert [transaction.id for transaction in reader.history(robot)] == ids[robot]
     assert verify(folder).ok
+
+
+def test_cleaning_beside_a_writer_takes_nothing_that_it_needs(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    new_ledger(folder).close()
+    process = writer(folder, "R1", count=40, size=1000)
+    with Ledger.open(folder, writable=True, wait_s=30) as ledger:
+        while process.poll() is None:
+            assert ledger.clean() == 0
+            time.sleep(0.005)  # let the writer have the lock
+    assert len(acknowledged(process.communicate()[0])) == 40
+    assert verify(folder).blocks == 41
+
+
+def test_many_readers_beside_a_writer(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    new_ledger(folder).close()
+    process = writer(folder, "R1", count=30, size=1000)
+    code = """
+import sys
+from vrchain.ledger import Ledger
+with Ledger.open(sys.argv[1]) as ledger:
+    for entry in ledger.follow(0, wait_s=20):
+        for record in entry.records[:entry.block.height]:
+            ledger.payload(record.payload_digest)
+        if entry.block.height == 30:
+            print(entry.block.hash.hex())
+            break
+"""
+    readers = [
+        subprocess.Popen(
+            [sys.executable, "-c", code, str(folder)],
+            stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    assert len(acknowledged(process.communicate()[0])) == 30
+    with Ledger.open(folder) as ledger:
+        head = ledger.head.hash.hex()
+    assert [reader.communicate(timeout=60)[0].strip() for reader in readers] == [head] * 3

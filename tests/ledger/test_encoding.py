@@ -14,8 +14,11 @@ from vrchain.ledger.block import Block, decode_record
 from vrchain.ledger.chain import genesis_entry
 from vrchain.ledger.encoding import MAX_RECORD_BYTES, decode, digest, encode, split
 from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
-from vrchain.ledger.membership import Enrolment, Genesis
+from vrchain.ledger.membership import Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.merkle import EMPTY_ROOT, Tree, climb
 from vrchain.ledger.peer import accept
+from vrchain.ledger.proof import Proof
+from vrchain.ledger.table import Table
 from vrchain.ledger.transaction import REASONS, Transaction
 
 integers = st.integers(0, 2**63 - 1)
@@ -28,33 +31,44 @@ names = st.from_regex(r"[A-Za-z0-9][A-Za-z0-9._-]{0,20}", fullmatch=True).filter
 digests = st.binary(min_size=32, max_size=32)
 
 GENESIS = genesis_entry(PUBLIC, OPERATOR_KEY, 0, "golden")
-TRANSACTION = Transaction(GENESIS.records[0].id, "R1", 3, 5_000, "view", digest(b"payload"))
-ENROLMENT = Enrolment(GENESIS.records[0].id, 0, 6_000, "R3", KEYS["R3"].public)
-BLOCK = Block(1, GENESIS.block.hash, 7_000, (bytes(32),), (("R1", bytes(32)),), "R1")
+LEDGER_ID = GENESIS.records[0].id
+TRANSACTION = Transaction(
+    LEDGER_ID, "R1", 3, 5_000, "view", digest(b"payload"), digest(b"landmarks"), digest(b"previous")
+)
+ENROLMENT = Enrolment(LEDGER_ID, 0, 6_000, "R3", KEYS["R3"].public)
+EXPULSION = Expulsion(LEDGER_ID, 1, 6_000, "R3")
+DROP = Drop(LEDGER_ID, 2, 6_000, (digest(b"payload"),))
+BLOCK = Block(1, GENESIS.block.hash, 7_000, digest(b"records"), digest(b"newest"), "R1")
 RECORDS = {
     "genesis": GENESIS.records[0].record,
     "transaction": TRANSACTION.signed(KEYS["R1"]).record,
     "enrolment": ENROLMENT.signed(OPERATOR_KEY).record,
+    "expulsion": EXPULSION.signed(OPERATOR_KEY).record,
+    "drop": DROP.signed(OPERATOR_KEY).record,
     "block": BLOCK.signed(KEYS["R1"]).record,
 }
+PROOF = Proof(RECORDS["block"], ((0, bytes(32)), (1, digest(b"sibling")))).encode()
 
 
 def accept_one(data: bytes) -> object:
-    return accept(None, [data])
+    return accept(None, [data, b""])
 
 
 def accept_second(data: bytes) -> object:
     """As the record that comes with a good block."""
     chain = new_chain()
-    return accept(chain, [next_entry(chain).block.record, data, b""])
+    return accept(chain, [next_entry(chain).block.record, data, b"", b""])
 
 
 DECODERS: list[Callable[[bytes], object]] = [
     split,
     Transaction.decode,
     Enrolment.decode,
+    Expulsion.decode,
+    Drop.decode,
     Genesis.decode,
     Block.decode,
+    Proof.decode,
     decode_record,
     accept_one,
     accept_second,
@@ -71,11 +85,20 @@ def test_the_bytes_are_as_documented() -> None:
 def test_golden_digests() -> None:
     """These change only with the format's version."""
     assert {name: digest(record).hex() for name, record in RECORDS.items()} == {
-        "genesis": "6c6a0d8beeec83d15ba9ede2d1d3919d0a4a72d6049da7282e1f64b5691cacaf",
-        "transaction": "d1c91f3db8d3f4227fadb7653967d3bed423a1d9fa2153434288af67428a9977",
-        "enrolment": "41b5ef07bdf17289f0491ce5e453797d22daf505d5130df1d6324fbe0bd25f73",
-        "block": "c42e7a9bdc046f16ba3e3aed5538ad9a6603f29c8db42e81212a1312c43eeb8b",
+        "genesis": "8672670e19e71b2b8b7e7aebf48680bc72733c5f7ab713ff689646c1f15fb59b",
+        "transaction": "4225173c0ca2da9c569689adf637c8f36c384843c41d0c66b9bc0fa13bff5225",
+        "enrolment": "82df47a239d35233b02899ca69b96d3addf9e970ae7957c6f0c33eff1cd01153",
+        "expulsion": "2270eeeb6e250acb309725cbc58f5576e945a0d3cd0451088cf25fa1755203d7",
+        "drop": "fd3e81ec46584b39b24dd78aa81e129237524d960364fe722a177bc292a4cd94",
+        "block": "4db7a0d0716969f183f1ad5a11aee6d5d8dc1e2e4537c109fee0161d3317130b",
     }
+    three = {"R1": bytes(32), "R2": b"\1" * 32, "R3": b"\2" * 32}
+    assert Table(three).root.hex() == (
+        "4455864317e501d537225dbbea09b7bbbd08a41c6577398e74a33f6e8c6a4b5e"
+    )
+    assert GENESIS.block.records_root.hex() == (
+        "24142e2e62ed8197e7c8bcef7e88d87d8646065a7f1d931bcd3cf5c0c5e79c92"
+    )
 
 
 @given(texts, st.lists(fields, max_size=5))
@@ -96,32 +119,78 @@ def test_what_decodes_is_canonical(data: bytes) -> None:
     assert encode(domain, *values) == data
 
 
-@given(digests, names, integers, integers, st.sampled_from(REASONS), digests)
+@given(digests, names, integers, integers, st.sampled_from(REASONS), digests, digests, digests)
 def test_transactions_round_trip(
-    ledger_id: bytes, robot: str, sequence: int, time_ns: int, reason: str, payload: bytes
+    ledger_id: bytes,
+    robot: str,
+    sequence: int,
+    time_ns: int,
+    reason: str,
+    payload: bytes,
+    landmarks: bytes,
+    previous: bytes,
 ) -> None:
-    draft = Transaction(ledger_id, robot, sequence, time_ns, reason, payload)
+    draft = Transaction(ledger_id, robot, sequence, time_ns, reason, payload, landmarks, previous)
     transaction = draft.signed(KEYS["R1"])
     assert Transaction.decode(transaction.record) == transaction
     assert decode_record(transaction.record).id == transaction.id
 
 
-@given(integers, digests, st.lists(digests, max_size=3), st.dictionaries(names, digests), names)
+@given(integers, digests, digests, digests, names)
 def test_blocks_round_trip(
-    height: int, previous: bytes, records: list[bytes], newest: dict[str, bytes], author: str
+    height: int, previous: bytes, records_root: bytes, newest_root: bytes, author: str
 ) -> None:
-    table = tuple(sorted(newest.items()))
-    block = Block(height, previous, 0, tuple(records), table, author).signed(KEYS["R1"])
+    block = Block(height, previous, 0, records_root, newest_root, author).signed(KEYS["R1"])
     assert Block.decode(block.record) == block
     assert Block.decode(block.record).hash == block.hash
+    with pytest.raises(RecordError, match="ask a ledger"):
+        _ = Block.decode(block.record).newest
+
+
+@given(digests, integers, names, st.sets(digests, min_size=1, max_size=5))
+def test_the_operators_records_round_trip(
+    ledger_id: bytes, number: int, name: str, blobs: set[bytes]
+) -> None:
+    for draft in (
+        Enrolment(ledger_id, number, number, name, PUBLIC["R1"]),
+        Expulsion(ledger_id, number, number, name),
+        Drop(ledger_id, number, number, tuple(sorted(blobs))),
+    ):
+        record = draft.signed(OPERATOR_KEY)
+        assert decode_record(record.record) == record
+
+
+@given(st.lists(digests, min_size=1, max_size=40), st.data())
+def test_merkle_trees(leaves: list[bytes], data: st.DataObject) -> None:
+    """One leaf replaced is as if the tree were grown anew; every path climbs to the root."""
+    place = data.draw(st.integers(0, len(leaves) - 1))
+    other = data.draw(digests)
+    tree = Tree(leaves).replaced(place, other)
+    changed = [*leaves[:place], other, *leaves[place + 1 :]]
+    assert tree.root == Tree(changed).root
+    for number, leaf in enumerate(changed):
+        path = tree.path(number)
+        assert climb(leaf, path) == tree.root
+        assert len(path) <= (len(leaves) - 1).bit_length()
+    assert (tree.root == Tree(leaves).root) == (changed == leaves)
+
+
+def test_roots_differ_by_every_row_and_their_number() -> None:
+    rows = {f"R{number}": bytes([number]) * 32 for number in range(5)}
+    tables = [rows, {}, rows | {"R1": bytes(32)}, rows | {"R5": bytes(32)}]
+    tables += [{robot: rows[robot] for robot in rows if robot != left_out} for left_out in rows]
+    assert len({Table(newest).root for newest in tables}) == len(tables)
+    assert Table({}).root == EMPTY_ROOT
+    assert Table(rows).replaced("R1", bytes(32)).rows == Table(rows | {"R1": bytes(32)}).rows
 
 
 def garbage(draws: int) -> list[bytes]:
     """Random bytes, and good records with some bytes changed, cut out, put in or repeated."""
     source = random.Random(0)
+    good = [*RECORDS.values(), PROOF]
     found = [source.randbytes(source.randrange(300)) for _ in range(draws // 10)]
     for number in range(draws):
-        data = bytearray(list(RECORDS.values())[number % len(RECORDS)])
+        data = bytearray(good[number % len(good)])
         for _ in range(source.randint(1, 3)):
             start = source.randrange(len(data) + 1)
             end = min(len(data), start + source.choice([0, 1, 1, 1, 4, 40]))
@@ -141,18 +210,18 @@ def test_garbage_raises_only_the_ledgers_own_errors(count: int) -> None:
                 decoder(data)
             except LedgerError:
                 refused += 1
-    assert refused > 7 * count
+    assert refused > 10 * count
 
 
 @pytest.mark.parametrize("value", [None, 1, "text", bytearray(b"b"), [b""]])
 def test_what_is_no_bytes_is_refused(value: object) -> None:
-    for decoder in DECODERS[:6]:
+    for decoder in DECODERS[:9]:
         with pytest.raises(EncodingError):
             decoder(value)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("kind", RECORDS)
-@pytest.mark.parametrize("decoder", [Transaction, Enrolment, Genesis, Block])
+@pytest.mark.parametrize("decoder", [Transaction, Enrolment, Expulsion, Drop, Genesis, Block])
 def test_no_kind_passes_for_another(kind: str, decoder: type[Transaction]) -> None:
     if decoder.__name__.lower() == kind:
         assert decoder.decode(RECORDS[kind]).record == RECORDS[kind]
@@ -212,6 +281,8 @@ def test_records_are_limited_in_size() -> None:
         ("timestamp_ns", 2**63),
         ("reason", "because"),
         ("payload_digest", "00" * 32),
+        ("landmarks_digest", None),
+        ("previous", bytes(33)),
     ],
 )
 def test_fields_that_are_not_allowed_are_refused(field: str, value: object) -> None:

@@ -5,12 +5,14 @@ import stat
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
 from vrchain.cli.ledger import app
 from vrchain.errors import OutputError, VRChainError
 from vrchain.ledger import Ledger, errors
+from vrchain.panorama import CameraRig, Panorama, read_image
 
 
 @pytest.fixture(autouse=True)
@@ -109,6 +111,52 @@ def test_verify_names_the_block_and_fails() -> None:
     assert "payload" in found["reason"]
 
 
+def test_expel_drop_and_clean() -> None:
+    text("init", "L", "--member", "R1", "--member", "R2")
+    Path("seen").write_bytes(b"landmarks")
+    first = answer("append", "L", "R1", "payload", "--landmarks", "seen")
+    assert first["landmarks_digest"] != first["payload_digest"]
+    assert first["previous"] is None
+    Path("payload").write_bytes(b"more")
+    assert answer("append", "L", "R1", "payload")["previous"] == first["id"]
+    dropped = answer("drop", "L", "--keep", "1")
+    assert (dropped["dropped"], dropped["height"]) == (2, 3)
+    assert "dropped from L: 0" in text("drop", "L", "--keep", "1")
+    expelled = answer("expel", "L", "R2")
+    assert (expelled["name"], expelled["height"]) == ("R2", 4)
+    with pytest.raises(errors.ExpelledMemberError):
+        text("append", "L", "R2", "payload")
+    with pytest.raises(errors.ExpelledMemberError):
+        text("enroll", "L", "R2")
+    (Path("L/blobs") / ("ab" * 32)).write_bytes(b"orphan")
+    assert answer("clean", "L") == {"removed": 1}
+    assert text("clean", "L") == "removed 0 files from L\n"
+    found = answer("verify", "L")
+    assert (found["ok"], found["blocks"], found["dropped"]) == (True, 5, 2)
+    assert "operator signed: 2" in text("verify", "L")
+    assert answer("show", "L")["robots"].keys() == {"R1"}
+
+
+def test_the_panoramas_as_pictures() -> None:
+    text("init", "L", "--member", "R1")
+    views = np.arange(6 * 48 * 64 * 3, dtype=np.uint64).reshape(6, 48, 64, 3).astype(np.uint8)
+    panorama = Panorama(CameraRig(n_views=6, width_px=64, height_px=48), views)
+    for blob in (panorama.encode(), b"no panorama", Panorama(panorama.rig, 255 - views).encode()):
+        Path("payload").write_bytes(blob)
+        text("append", "L", "R1", "payload")
+    made = answer("export", "L", "--pictures", "shown")
+    assert (made["pictures"], made["others"], made["dropped"]) == (2, 1, 0)
+    names = ["R1_0000_start.png", "R1_0002_time.png", "pictures.json"]
+    assert sorted(path.name for path in Path("shown").iterdir()) == names
+    assert read_image(Path("shown") / names[0]).shape == panorama.cylinder.shape
+    rows = json.loads(Path("shown/pictures.json").read_text())
+    assert [(row["file"], row["sequence"]) for row in rows] == [(names[0], 0), (names[1], 2)]
+    text("drop", "L", "--keep", "1")
+    both = answer("export", "L", "--pictures", "shown", "-o", "L.jsonl")
+    assert (both["blocks"], both["pictures"], both["others"], both["dropped"]) == (5, 1, 0, 2)
+    assert "dropped: 2" in text("export", "L", "--pictures", "shown")
+
+
 def test_keys_where_they_are_asked_for() -> None:
     text("init", "L", "--member", "R1", "--keys", "keys")
     assert Path("keys/R1.pem").is_file()
@@ -151,6 +199,13 @@ def test_one_robot_cannot_write_with_anothers_key() -> None:
         (["export", "L", "-o", "L/out"], errors.RecordError),
         (["export", "L", "-o", "config"], OutputError),
         (["export", "missing", "-o", "out"], errors.NotALedgerError),
+        (["export", "L"], errors.RecordError),
+        (["export", "L", "--pictures", "L/shown"], errors.RecordError),
+        (["export", "L", "--pictures", "payload"], OutputError),
+        (["expel", "L", "R9"], errors.UnknownMemberError),
+        (["expel", "L", "R1", "--keys", "nowhere"], errors.KeyFileError),
+        (["drop", "L", "--keep", "1", "--keys", "nowhere"], errors.KeyFileError),
+        (["clean", "missing"], errors.NotALedgerError),
     ],
     ids=lambda value: " ".join(value) if isinstance(value, list) else "",
 )

@@ -11,8 +11,9 @@ import pytest
 from ledgers import KEYS, OPERATOR_KEY, new_chain, new_ledger, next_entry
 
 from vrchain.ledger import Chain, Ledger, errors
-from vrchain.ledger.block import Entry
+from vrchain.ledger.block import Entry, records_root
 from vrchain.ledger.peer import MAX_FRAMES, MAX_MESSAGE_BYTES, PeerProcess, _receive, _send, accept
+from vrchain.ledger.table import Table
 
 
 @pytest.fixture(scope="module")
@@ -30,6 +31,8 @@ def test_the_peer_follows_and_answers_with_its_head(pair: tuple[Ledger, PeerProc
     for time_ns, payload in enumerate([b"", b"x", os.urandom(500_000)]):
         transaction = ledger.publish("R1", KEYS["R1"], payload, "view", time_ns)
         assert peer.send(ledger.head, (transaction,), payload) == ledger.head.hash
+    transaction = ledger.publish("R1", KEYS["R1"], b"", "view", 3, landmarks=b"seen")
+    assert peer.send(ledger.head, (transaction,), b"", b"seen") == ledger.head.hash
     ledger.enrol("R3", KEYS["R3"].public, OPERATOR_KEY, 3)
     assert peer.send(*ledger.entry(ledger.head.height)) == ledger.head.hash
 
@@ -39,11 +42,10 @@ def test_the_peer_refuses_and_says_why(pair: tuple[Ledger, PeerProcess]) -> None
     transaction = ledger.publish("R2", KEYS["R2"], b"payload", "view", 10)
     block = ledger.head
     forged = replace(transaction, timestamp_ns=9).signed(KEYS["R1"])
-    forged_block = replace(
-        block,
-        records=(forged.id,),
-        newest=tuple((r, forged.id if r == "R2" else i) for r, i in block.newest),
-    ).signed(KEYS["R2"])
+    newest = Table(dict(block.newest) | {"R2": forged.id}).root
+    forged_block = replace(block, records_root=records_root((forged,)), newest_root=newest).signed(
+        KEYS["R2"]
+    )
     messages: list[tuple[tuple[Any, ...], str]] = [
         ((block, (transaction,), b"another"), "PayloadDigestError"),
         ((block, (transaction,)), "PayloadDigestError"),
@@ -61,7 +63,7 @@ def test_the_peer_refuses_and_says_why(pair: tuple[Ledger, PeerProcess]) -> None
 
 def test_bytes_that_are_no_block_are_refused(pair: tuple[Ledger, PeerProcess]) -> None:
     _, peer = pair
-    for frames in ([], [b""], [b"garbage", b"more"]):
+    for frames in ([], [b""], [b"garbage", b"more"], [b"garbage", b"more", b""]):
         _send(peer._socket, frames)
         answer = _receive(peer._socket)
         assert answer is not None
@@ -106,5 +108,5 @@ def test_a_refused_message_leaves_the_replica_as_before() -> None:
     replica = Chain(Entry(chain.head, (chain.genesis,)))
     entry = next_entry(chain)
     with pytest.raises(errors.PayloadDigestError):
-        accept(replica, [entry.block.record, entry.records[0].record, b"another"])
+        accept(replica, [entry.block.record, entry.records[0].record, b"", b"another"])
     assert replica.head == chain.head

@@ -6,9 +6,18 @@ import stat
 from pathlib import Path
 
 import pytest
-from ledgers import KEYS, OPERATOR_KEY, PUBLIC, files, in_child, new_ledger, small_ledger
+from ledgers import (
+    KEYS,
+    OPERATOR_KEY,
+    PUBLIC,
+    files,
+    in_child,
+    long_ledger,
+    new_ledger,
+    small_ledger,
+)
 
-from vrchain.ledger import Ledger, errors, random_key
+from vrchain.ledger import NO_BLOB, Ledger, Offer, PublicKey, errors, random_key, verify
 from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES, digest
 from vrchain.ledger.keys import DATABASE_NAME
 
@@ -42,7 +51,7 @@ def test_a_payload_is_its_sha256_on_disk(tmp_path: Path) -> None:
             ledger.publish("R1", KEYS["R1"], b"bytes", "time", time_ns)
     name = digest(b"bytes").hex()
     blobs = [f for f in files(tmp_path / "ledger") if f.startswith("blobs")]
-    assert blobs == [f"blobs/{name[:2]}/{name[2:]}"]
+    assert blobs == [f"blobs/{name}"]
 
 
 def test_the_payload_is_durable_before_the_record_that_names_it(
@@ -55,7 +64,7 @@ def test_the_payload_is_durable_before_the_record_that_names_it(
         steps.append("sync folder" if stat.S_ISDIR(os.fstat(handle).st_mode) else "sync file")
         fsync(handle)
 
-    def logged_replace(source: Path, target: Path) -> None:
+    def logged_replace(source: str, target: str) -> None:
         steps.append("rename")
         replace(source, target)
 
@@ -66,7 +75,7 @@ def test_the_payload_is_durable_before_the_record_that_names_it(
         monkeypatch.setattr("os.fsync", logged_fsync)
         monkeypatch.setattr("os.replace", logged_replace)
         ledger.publish("R1", KEYS["R1"], b"payload", "start", 1)
-    made = ["sync folder", "sync folder"]  # for blobs/ and blobs/ab/, new here
+    made = ["sync folder"]  # for blobs/, new here
     written = ["sync file", "rename", "sync folder"]
     steps = [step for step in steps if step != "SELECT"]
     assert steps == ["BEGIN", *made, *written, "INSERT", "INSERT", "COMMIT"]
@@ -141,6 +150,113 @@ def test_a_transaction_signed_elsewhere_is_appended(tmp_path: Path) -> None:
         assert ledger.latest("R2") == transaction
         with pytest.raises(errors.ReplayError):
             ledger.append(transaction, b"payload", "R1", KEYS["R1"])
+
+
+def test_several_transactions_come_in_one_block_or_none(tmp_path: Path) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        drafts = [ledger.draft_transaction(robot, b"x", "start", 1) for robot in ("R1", "R2")]
+        offers = [Offer(draft.signed(KEYS[draft.robot]), b"x") for draft in drafts]
+        forged = Offer(drafts[1].signed(KEYS["R1"]), b"x")
+        before = files(tmp_path / "ledger")
+        with pytest.raises(errors.SignatureError):
+            ledger.append_many([offers[0], forged], "R1", KEYS["R1"])
+        assert files(tmp_path / "ledger") == before
+        assert ledger.latest("R1") is None
+        block = ledger.append_many(offers, "R1", KEYS["R1"])
+        assert ledger.entry(1).records == tuple(offer.transaction for offer in offers)
+        assert block.newest == tuple((o.transaction.robot, o.transaction.id) for o in offers)
+        with pytest.raises(errors.RecordListError):
+            ledger.append_many([], "R1", KEYS["R1"])
+        for other in ({"payload": b"y"}, {"landmarks": b"x"}):
+            with pytest.raises(errors.PayloadDigestError):
+                Offer(**{"transaction": drafts[0], "payload": b"x", **other})  # type: ignore[arg-type]
+    assert verify(tmp_path / "ledger").ok
+
+
+def test_the_landmark_record_is_a_blob_of_its_own(tmp_path: Path) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        with_landmarks = ledger.publish("R1", KEYS["R1"], b"p", "start", 1, landmarks=b"seen")
+        without = ledger.publish("R1", KEYS["R1"], b"p", "time", 2)
+        assert ledger.payload(with_landmarks.landmarks_digest) == b"seen"
+        assert with_landmarks.blobs == (digest(b"p"), digest(b"seen"))
+        assert (without.landmarks_digest, without.blobs) == (NO_BLOB, (digest(b"p"),))
+        assert (with_landmarks.previous, without.previous) == (bytes(32), with_landmarks.id)
+
+
+def test_an_older_number_signed_twice_is_equivocation(tmp_path: Path) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        second_tale = ledger.draft_transaction("R1", b"other", "start", 1).signed(KEYS["R1"])
+        first = ledger.publish("R1", KEYS["R1"], b"one", "start", 1)
+        ledger.publish("R1", KEYS["R1"], b"two", "time", 2)
+        with pytest.raises(errors.EquivocationError, match="two transactions") as raised:
+            ledger.append(second_tale, b"other", "R2", KEYS["R2"])
+        assert (raised.value.first, raised.value.second) == (first, second_tale)
+        with pytest.raises(errors.ReplayError):
+            ledger.append(first, b"one", "R2", KEYS["R2"])
+
+
+def test_an_update_verifies_one_signature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        verified: list[bytes] = []
+        accepts = PublicKey.accepts
+
+        def counted(key: PublicKey, data: bytes, signature: bytes) -> bool:
+            verified.append(data)
+            return accepts(key, data, signature)
+
+        monkeypatch.setattr(PublicKey, "accepts", counted)
+        transaction = ledger.publish("R1", KEYS["R1"], b"x", "start", 1)
+        assert verified == [transaction.body]
+        draft = ledger.draft_transaction("R2", b"x", "start", 1).signed(KEYS["R2"])
+        with pytest.raises(errors.SignatureError, match="key of R1"):
+            ledger.append(draft, b"x", "R1", KEYS["R2"])  # the author's key is another's
+
+
+def test_following_what_others_append(tmp_path: Path) -> None:
+    head = small_ledger(tmp_path / "ledger")
+    with (
+        Ledger.open(tmp_path / "ledger") as reader,
+        Ledger.open(tmp_path / "ledger", writable=True) as writer,
+    ):
+        seen: list[int] = []
+        for entry in reader.follow(3, wait_s=0.05):
+            seen.append(entry.block.height)
+            if entry.block.hash == head:
+                writer.publish("R1", KEYS["R1"], b"six", "time", 60)
+                writer.publish("R2", KEYS["R2"], b"seven", "time", 70)
+        assert seen == [3, 4, 5, 6, 7]
+        assert reader.head == writer.head
+        assert list(reader.follow(8, wait_s=0)) == []
+
+
+def test_every_block_has_its_own_table_wherever_one_starts_to_read(tmp_path: Path) -> None:
+    long_ledger(tmp_path / "ledger")
+    with Ledger.open(tmp_path / "ledger") as ledger:
+        tables = [block.newest for block in ledger.blocks()]
+        assert tables[0] == (("R1", bytes(32)), ("R2", bytes(32)))
+        assert [robot for robot, _ in tables[3]] == ["R1", "R2", "R3"]
+        assert [robot for robot, _ in tables[-1]] == ["R1", "R2"]
+        for height in range(len(tables)):
+            assert [b.newest for b in ledger.blocks(height)] == tables[height:]
+            assert ledger.entry(height).block.newest == tables[height]
+        assert ledger.head.newest == tables[-1]
+
+
+def test_only_the_operator_expels(tmp_path: Path) -> None:
+    small_ledger(tmp_path / "ledger")
+    with Ledger.open(tmp_path / "ledger", writable=True) as ledger:
+        with pytest.raises(errors.SignatureError):
+            ledger.expel("R3", KEYS["R1"], 60)
+        ledger.expel("R3", OPERATOR_KEY, 60)
+        assert ledger.robots == ("R1", "R2")
+        with pytest.raises(errors.ExpelledMemberError):
+            ledger.publish("R3", KEYS["R3"], b"x", "time", 70)
+        with pytest.raises(errors.ExpelledMemberError):
+            ledger.enrol("R3", random_key().public, OPERATOR_KEY, 70)
+    with Ledger.open(tmp_path / "ledger") as ledger:
+        assert [t.sequence for t in ledger.history("R3")] == [0]
+        with pytest.raises(errors.ExpelledMemberError):
+            ledger.latest("R3")
 
 
 def test_only_the_operator_enrols(tmp_path: Path) -> None:

@@ -1,5 +1,6 @@
 """Whatever is changed in a stored ledger, verify fails and names the block."""
 
+import json
 import os
 import shutil
 import sqlite3
@@ -9,12 +10,14 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledgers import KEYS, OPERATOR_KEY, PUBLIC, new_ledger, small_ledger
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC, long_ledger, new_ledger, small_ledger
 
 from vrchain.ledger import Ledger, Transaction, Verification, errors, verify
-from vrchain.ledger.block import Entry
+from vrchain.ledger.block import Entry, records_root
 from vrchain.ledger.database import insert_entry, read_entry
+from vrchain.ledger.export import entry_json
 from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.table import Table
 
 HEIGHT_OF_LAST = 5
 
@@ -48,7 +51,7 @@ def blobs(folder: Path) -> list[Path]:
     with Ledger.open(folder) as ledger:
         records = [ledger.entry(height).records[0] for height in (1, 2, 4, 5)]
     names = [r.payload_digest.hex() for r in records if isinstance(r, Transaction)]
-    return [folder / "blobs" / name[:2] / name[2:] for name in names]
+    return [folder / "blobs" / name for name in names]
 
 
 def test_a_good_ledger_passes(folder: Path) -> None:
@@ -61,12 +64,12 @@ def test_a_good_ledger_passes(folder: Path) -> None:
     assert steps == [(n, 6) for n in range(1, 7)]
 
 
-def cells(db: sqlite3.Connection) -> Iterator[tuple[str, int, str, int, bytes]]:
-    """Every stored blob of bytes: (table, rowid, column, height, bytes)."""
+def cells(db: sqlite3.Connection) -> Iterator[tuple[str, str, int, bytes]]:
+    """Every stored blob of bytes: (table, column, height, bytes). A row for each height."""
     for table, columns in {"blocks": ("hash", "record"), "records": ("id", "record")}.items():
         for column in columns:
-            for row in db.execute(f"SELECT rowid, height, {column} FROM {table}").fetchall():
-                yield table, row[0], column, row[1], row[2]
+            for height, value in db.execute(f"SELECT height, {column} FROM {table}").fetchall():
+                yield table, column, height, value
 
 
 def test_every_byte_of_every_record(tmp_path: Path) -> None:
@@ -77,17 +80,17 @@ def test_every_byte_of_every_record(tmp_path: Path) -> None:
         ledger.publish("R1", KEYS["R1"], b"payload", "start", 10)
     tried = 0
     with closing(database(folder)) as db:
-        for table, row, column, height, good in list(cells(db)):
-            update = f"UPDATE {table} SET {column} = ? WHERE rowid = ?"
+        for table, column, height, good in list(cells(db)):
+            update = f"UPDATE {table} SET {column} = ? WHERE height = ?"
             for position in range(len(good)):
                 bad = bytearray(good)
                 bad[position] ^= 1 << position % 8
-                db.execute(update, (bytes(bad), row))
+                db.execute(update, (bytes(bad), height))
                 found = verify(folder)
                 assert not found.ok
                 assert found.first_bad_block == height, (table, column, position)
                 tried += 1
-            db.execute(update, (good, row))
+            db.execute(update, (good, height))
     assert tried > 1500
     assert verify(folder).ok
 
@@ -98,16 +101,16 @@ def test_every_other_column(folder: Path) -> None:
             (table, column, row, height)
             for table, columns in {
                 "blocks": ["height"],
-                "records": ["height", "position", "robot", "sequence"],
+                "records": ["height", "position", "robot"],
             }.items()
             for column in columns
-            for row, height in db.execute(f"SELECT rowid, height FROM {table}").fetchall()
+            for row, height in db.execute(f"SELECT height, height FROM {table}").fetchall()
         ]
-    assert len(places) == 6 + 4 * 6
+    assert len(places) == 6 + 3 * 6
     for number, (table, column, row, height) in enumerate(places):
         copy = shutil.copytree(folder, folder.with_name(f"copy {number}"))
         value = f"coalesce({column}, 0) + 1000"
-        run(copy, f"UPDATE {table} SET {column} = {value} WHERE rowid = {row}")
+        run(copy, f"UPDATE {table} SET {column} = {value} WHERE height = {row}")
         assert verify(copy).first_bad_block == height, (table, column, row)
 
 
@@ -132,7 +135,7 @@ def test_every_byte_of_every_payload(folder: Path) -> None:
         (lambda path: path.write_bytes(path.read_bytes() + b"\0"), 4),
         (lambda path: path.write_bytes(b""), 4),
         (lambda path: (path.unlink(), path.mkdir()), 4),
-        (lambda path: shutil.rmtree(path.parents[1]), 1),
+        (lambda path: shutil.rmtree(path.parent), 1),
     ],
     ids=["removed", "truncated", "longer", "empty", "a folder", "all removed"],
 )
@@ -150,7 +153,7 @@ UPDATE records SET height = 1 WHERE height = 2;
 UPDATE records SET height = 2 WHERE height = 99;
 """
 SWAP_BLOCKS = SWAP.replace("records", "blocks")
-COPY = "INSERT INTO records SELECT zeroblob(32), 6, 0, NULL, NULL, record FROM records LIMIT 1;"
+COPY = "INSERT INTO records SELECT 6, 0, zeroblob(32), NULL, record FROM records LIMIT 1;"
 
 
 @pytest.mark.parametrize(
@@ -176,7 +179,7 @@ COPY = "INSERT INTO records SELECT zeroblob(32), 6, 0, NULL, NULL, record FROM r
         ("UPDATE records SET record = CAST(x'ff' AS TEXT) WHERE height = 3", 3),
         ("DROP TABLE records", 0),
         ("DROP TABLE blocks", 0),
-        ("PRAGMA user_version = 2", 0),
+        ("PRAGMA user_version = 1", 0),
         ("PRAGMA application_id = 0", 0),
     ],
 )
@@ -200,6 +203,8 @@ def test_a_tail_cut_off_is_found_under_a_known_head(folder: Path) -> None:
 
 def test_records_signed_again_by_another_member(folder: Path) -> None:
     """R2 takes R1's last transaction, and R1's last block, for its own; rows all consistent."""
+    with Ledger.open(folder) as ledger:
+        newest = dict(ledger.head.newest)
     for forge in ("transaction", "block", "both"):
         copy = folder.with_name(forge)
         shutil.copytree(folder, copy)
@@ -207,8 +212,9 @@ def test_records_signed_again_by_another_member(folder: Path) -> None:
             block, (transaction,) = read_entry(db, HEIGHT_OF_LAST)
             if forge != "block":
                 transaction = replace(transaction, signature=b"").signed(KEYS["R2"])
-            newest = dict(block.newest) | {"R1": transaction.id}
-            block = replace(block, records=(transaction.id,), newest=tuple(sorted(newest.items())))
+            newest_root = Table(newest | {"R1": transaction.id}).root
+            root = records_root((transaction,))
+            block = replace(block, records_root=root, newest_root=newest_root)
             key = KEYS["R1"] if forge == "transaction" else KEYS["R2"]
             db.execute("DELETE FROM blocks WHERE height = 5")
             db.execute("DELETE FROM records WHERE height = 5")
@@ -253,27 +259,68 @@ def test_a_spoilt_database_file_is_no_traceback(folder: Path, kind: str) -> None
         Ledger.open(folder)
 
 
+def exported(folder: Path) -> str:
+    """All that an export says."""
+    with Ledger.open(folder) as ledger:
+        return json.dumps([entry_json(entry) for entry in ledger.entries()])
+
+
+@pytest.mark.timeout(3600)  # some 30,000 verifications
 @pytest.mark.parametrize("step", [61, pytest.param(1, marks=pytest.mark.slow)])
-def test_bytes_of_the_database_file(folder: Path, step: int) -> None:
-    """Wherever a byte changes, there is a verdict; a good one means that every block is as was."""
+def test_every_byte_of_the_folder(
+    tmp_path: Path, step: int, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Whatever byte changes: verify fails, or all that an export says is as it was.
+
+    Bytes of blobs and of canonical records are of the first kind, and their block is named.
+    """
+    folder = tmp_path / "ledger"
+    long_ledger(folder)
     run(folder, "PRAGMA wal_checkpoint(TRUNCATE)")
+    before = exported(folder)
     path = folder / DATABASE_NAME
     good = path.read_bytes()
     with Ledger.open(folder) as ledger:
-        entries = list(ledger.entries())
-    found_bad = 0
+        canonical = {
+            record.record: entry.block.height
+            for entry in ledger.entries()
+            for record in (entry.block, *entry.records)
+        }
+    height_of: dict[int, int] = {}
+    for record, height in canonical.items():
+        assert good.count(record) == 1
+        start = good.index(record)
+        height_of |= dict.fromkeys(range(start, start + len(record)), height)
+    counts = {"found": 0, "export unchanged": 0}
     for position in range(0, len(good), step):
         for leftover in folder.glob(f"{DATABASE_NAME}-*"):
             leftover.unlink()
         bad = bytearray(good)
         bad[position] ^= 0xFF
         path.write_bytes(bad)
-        if verify(folder).ok:
-            with Ledger.open(folder) as ledger:
-                assert list(ledger.entries()) == entries
-        else:
-            found_bad += 1
-    assert found_bad > 10
+        found = verify(folder)
+        if position in height_of:
+            assert not found.ok
+            assert found.first_bad_block == height_of[position]
+        if found.ok:
+            assert exported(folder) == before
+        counts["export unchanged" if found.ok else "found"] += 1
+    path.write_bytes(good)
+    for blob in sorted((folder / "blobs").iterdir()):
+        content = blob.read_bytes()
+        for position in range(len(content)):
+            blob.write_bytes(
+                bytes([*content[:position], content[position] ^ 1]) + content[position + 1 :]
+            )
+            found = verify(folder)
+            assert not found.ok
+            assert found.first_bad_block is not None
+            counts["found"] += 1
+        blob.write_bytes(content)
+    assert verify(folder).ok
+    assert counts["found"] > 100
+    with capsys.disabled():
+        print(f"\nbytes changed, every {step}: {counts}")
 
 
 def test_what_is_no_ledger_is_told_apart(tmp_path: Path) -> None:

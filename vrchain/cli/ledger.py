@@ -10,13 +10,24 @@ from typing import Annotated, Any
 
 import typer
 
-from vrchain.files import write_file
-from vrchain.ledger import Ledger, PublicKey, SigningKey, load_key, random_key, save_key
+from vrchain.errors import ImageError
+from vrchain.files import output_folder, write_file
+from vrchain.ledger import (
+    Ledger,
+    PublicKey,
+    SigningKey,
+    Transaction,
+    load_key,
+    random_key,
+    save_key,
+)
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES
 from vrchain.ledger.errors import (
     DamagedError,
+    DroppedError,
     DuplicateMemberError,
+    ExpelledMemberError,
     KeyFileError,
     PayloadFileError,
     RecordError,
@@ -24,6 +35,7 @@ from vrchain.ledger.errors import (
 )
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.membership import OPERATOR, check_member_name
+from vrchain.panorama import Panorama, encode_png
 
 _NEWEST = "transaction {sequence}, {reason}, {timestamp_ns} ns, {id}"
 
@@ -87,8 +99,10 @@ def enroll(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) 
     with Ledger.open(ledger, writable=True) as opened:
         if name in opened.members:
             raise DuplicateMemberError(f"{name} is a member of {ledger} already")
+        if name in opened.expelled:
+            raise ExpelledMemberError(f"{name} was expelled from {ledger}; choose another name")
         key_folder = keys or _default_keys(opened.genesis.operator)
-        operator = load_key(_key_path(key_folder, OPERATOR))
+        operator = _operator_key(opened, keys)
         key = random_key()
         with _saved_keys(key_folder, {name: key}):
             opened.enrol(name, key.public, operator, time.time_ns())
@@ -105,6 +119,16 @@ def enroll(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) 
 
 
 @app.command()
+def expel(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) -> None:
+    """End the membership of the robot NAME for ever, signed by the operator."""
+    with Ledger.open(ledger, writable=True) as opened:
+        opened.expel(name, _operator_key(opened, keys), time.time_ns())
+        head = opened.head
+    result = {"name": name, "height": head.height, "head": head.hash.hex()}
+    _say(as_json, result, f"expelled {name} in block {head.height}; the name is used up")
+
+
+@app.command()
 def append(
     ledger: Folder,
     robot: str,
@@ -112,16 +136,20 @@ def append(
     reason: Annotated[
         str | None, typer.Option(help="start, distance, view or time [start, then time].")
     ] = None,
+    landmarks: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Its landmark record.")
+    ] = None,
     keys: Keys = None,
     as_json: Json = False,
 ) -> None:
     """Publish the bytes of FILE as ROBOT's, at the present time."""
     payload = _read_payload(file)
+    seen = _read_payload(landmarks) if landmarks else None
     with Ledger.open(ledger, writable=True) as opened:
         opened.refresh()
         reason = reason or ("time" if opened.latest(robot) else "start")
         key = load_key(_key_path(keys or _default_keys(opened.genesis.operator), robot))
-        transaction = opened.publish(robot, key, payload, reason, time.time_ns())
+        transaction = opened.publish(robot, key, payload, reason, time.time_ns(), landmarks=seen)
         head = opened.head
     result = {"height": head.height, "head": head.hash.hex(), **record_json(transaction)}
     _say(as_json, result, f"{transaction} in block {head.height}: {transaction.id.hex()}")
@@ -165,14 +193,18 @@ def verify(
 ) -> None:
     """Check every byte of every record and payload; exit status 1 when something is wrong."""
     found = verify_ledger(ledger, _hash(expected_head) if expected_head else None)
-    result = {
+    result: dict[str, Any] = {
         "ok": found.ok,
         "blocks": found.blocks,
         "first_bad_block": found.first_bad_block,
         "reason": found.reason,
     }
+    text = f"{ledger}: all {found.blocks} blocks are good"
+    if found.dropped:
+        result["dropped"] = found.dropped
+        text += f"; blobs dropped, as the operator signed: {found.dropped}"
     if as_json or found.ok:
-        _say(as_json, result, f"{ledger}: all {found.blocks} blocks are good")
+        _say(as_json, result, text)
     if not found.ok:
         bad = found.first_bad_block
         place = f"block {bad}" if bad is not None else "beside its blocks"
@@ -180,19 +212,89 @@ def verify(
 
 
 @app.command()
-def export(
+def drop(
     ledger: Folder,
-    output: Annotated[Path, typer.Option("-o", metavar="FILE", help="A file of JSON lines.")],
+    keep: Annotated[
+        int, typer.Option(min=1, help="How many of each robot's newest panoramas stay.")
+    ],
+    keys: Keys = None,
     as_json: Json = False,
 ) -> None:
-    """Write every block with its records as one line of JSON; payloads by digest."""
+    """Let old panoramas and landmark records go; the operator signs which. Records stay."""
+    with Ledger.open(ledger, writable=True) as opened:
+        records = opened.drop_old(keep, _operator_key(opened, keys), time.time_ns())
+        head = opened.head
+    count = sum(len(record.blobs) for record in records)
+    result = {"dropped": count, "height": head.height, "head": head.hash.hex()}
+    _say(as_json, result, f"blobs dropped from {ledger}: {count}; its head is block {head.height}")
+
+
+@app.command()
+def clean(ledger: Folder, as_json: Json = False) -> None:
+    """Remove blobs that no record needs, as a writer that is killed may leave behind."""
+    with Ledger.open(ledger, writable=True) as opened:
+        count = opened.clean()
+    _say(as_json, {"removed": count}, f"removed {count} files from {ledger}")
+
+
+@app.command()
+def export(
+    ledger: Folder,
+    output: Annotated[
+        Path | None, typer.Option("-o", metavar="FILE", help="A file of JSON lines.")
+    ] = None,
+    pictures: Annotated[
+        Path | None, typer.Option(metavar="FOLDER", help="A new folder, for the panoramas as PNG.")
+    ] = None,
+    as_json: Json = False,
+) -> None:
+    """Write every block with its records as one line of JSON, or the panoramas as pictures."""
+    if output is None and pictures is None:
+        raise RecordError("expected -o FILE or --pictures FOLDER, got neither")
+    for target in (output, pictures):
+        if target and target.resolve().is_relative_to(ledger.resolve()):
+            raise RecordError(f"expected to write outside the ledger, got {target}")
+    result: dict[str, Any] = {}
+    said = []
     with Ledger.open(ledger) as opened:
-        if output.resolve().is_relative_to(ledger.resolve()):
-            raise RecordError(f"expected a FILE outside the ledger, got {output}")
-        lines = [json.dumps(entry_json(entry)) + "\n" for entry in opened.entries()]
-    write_file(output, "".join(lines).encode())
-    result = {"file": str(output), "blocks": len(lines)}
-    _say(as_json, result, f"wrote {len(lines)} blocks to {output}")
+        if output:
+            lines = [json.dumps(entry_json(entry)) + "\n" for entry in opened.entries()]
+            write_file(output, "".join(lines).encode())
+            result |= {"file": str(output), "blocks": len(lines)}
+            said.append(f"wrote {len(lines)} blocks to {output}")
+        if pictures:
+            written, others, dropped = _export_pictures(opened, pictures)
+            result |= {
+                "folder": str(pictures), "pictures": written, "others": others, "dropped": dropped
+            }  # fmt: skip
+            said.append(f"wrote {written} pictures to {pictures}")
+            said += [f"payloads that are no panoramas: {others}"] if others else []
+            said += [f"dropped: {dropped}"] if dropped else []
+    _say(as_json, result, "; ".join(said))
+
+
+def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
+    """Each panorama's cylinder as ROBOT_NUMBER_REASON.png: how many, and how many could not be."""
+    counts = {"written": 0, "others": 0, "dropped": 0}
+    with output_folder(folder, "pictures.json") as scratch:
+        rows = []
+        for entry in ledger.entries():
+            for record in entry.records:
+                if not isinstance(record, Transaction):
+                    continue
+                name = f"{record.robot}_{record.sequence:04d}_{record.reason}.png"
+                try:
+                    panorama = Panorama.decode(ledger.payload(record.payload_digest))
+                except DroppedError:
+                    counts["dropped"] += 1
+                except ImageError:
+                    counts["others"] += 1
+                else:
+                    (scratch / name).write_bytes(encode_png(panorama.cylinder))
+                    rows.append({"file": name, **record_json(record)})
+                    counts["written"] += 1
+        (scratch / "pictures.json").write_text(json.dumps(rows, indent=1) + "\n")
+    return counts["written"], counts["others"], counts["dropped"]
 
 
 def _say(as_json: bool, result: dict[str, Any], text: str) -> None:
@@ -203,6 +305,10 @@ def _default_keys(operator: PublicKey) -> Path:
     """Each ledger has its own folder of keys, known by its operator's public key."""
     config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
     return Path(config) / "vrchain" / "keys" / operator.raw.hex()[:16]
+
+
+def _operator_key(ledger: Ledger, keys: Path | None) -> SigningKey:
+    return load_key(_key_path(keys or _default_keys(ledger.genesis.operator), OPERATOR))
 
 
 def _key_path(key_folder: Path, name: str) -> Path:

@@ -83,10 +83,11 @@ def update_latency(
 
     One row per (position, robot): position, robot, payload_bytes, one column ``STAGE_us`` for
     each of STAGES, and total_us. ``hash`` is the payload's SHA-256; the small hashes of the
-    records count as ``encode``. ``validate`` is the publisher's check of records and block;
-    the receiver's is in ``transmit``. ``append_durable`` has the lock, the file, its fsyncs
-    and the commit. total_us is read from the clock before and after everything, apart from
-    the stages, so that their sum may differ slightly. Raises LedgerError kinds.
+    records count as ``encode``. ``validate`` is the publisher's check of the transaction and of
+    whose key signs the block; the receiver's, with both signatures, is in ``transmit``.
+    ``append_durable`` has the lock, the file, its fsyncs and the commit. total_us is read from
+    the clock before and after everything, apart from the stages, so that their sum may differ
+    slightly. Raises LedgerError kinds.
     """
     rows = []
     stopwatch = _Stopwatch()

@@ -7,6 +7,7 @@
 A payload is bytes and their SHA-256; docs/ledger-format.md says how everything is stored.
 """
 
+from vrchain.ledger.admission import Admission, Limits
 from vrchain.ledger.block import Block, Entry
 from vrchain.ledger.chain import Chain
 from vrchain.ledger.keys import (
@@ -17,20 +18,28 @@ from vrchain.ledger.keys import (
     save_key,
     simulated_key,
 )
-from vrchain.ledger.membership import OPERATOR, Enrolment, Genesis
+from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.proof import Proof, verify_proof
 from vrchain.ledger.store import Ledger
-from vrchain.ledger.transaction import REASONS, Transaction
+from vrchain.ledger.transaction import NO_BLOB, REASONS, Offer, Transaction
 from vrchain.ledger.verify import Verification, verify
 
 __all__ = [
+    "NO_BLOB",
     "OPERATOR",
     "REASONS",
+    "Admission",
     "Block",
     "Chain",
+    "Drop",
     "Enrolment",
     "Entry",
+    "Expulsion",
     "Genesis",
     "Ledger",
+    "Limits",
+    "Offer",
+    "Proof",
     "PublicKey",
     "SigningKey",
     "Transaction",
@@ -40,4 +49,5 @@ __all__ = [
     "save_key",
     "simulated_key",
     "verify",
+    "verify_proof",
 ]

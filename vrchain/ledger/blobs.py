@@ -1,12 +1,16 @@
-"""Payloads as files named by the SHA-256 of their bytes: blobs/ab/cdef..."""
+"""Panoramas and landmark records as files named by the SHA-256 of their bytes: blobs/abcd..."""
 
 import contextlib
-import hashlib
+import os
+import re
+from collections.abc import Iterator
 from pathlib import Path
 
-from vrchain.ledger.durable import sync_folder, write_durably
-from vrchain.ledger.encoding import digest
+from vrchain.ledger.durable import TEMPORARY, sync_folder, write_durably
+from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES, digest
 from vrchain.ledger.errors import DamagedError, NotFoundError
+
+_BLOB_NAME = re.compile(r"[0-9a-f]{64}")
 
 
 class BlobStore:
@@ -14,52 +18,51 @@ class BlobStore:
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
+        self._prefix = f"{folder}{os.sep}"
 
-    def path(self, payload_digest: bytes) -> Path:
-        """Where the payload with this digest lies, there or not."""
-        name = payload_digest.hex()
-        return self.folder / name[:2] / name[2:]
+    def path(self, blob: bytes) -> str:
+        """Where the blob with this digest lies, there or not."""
+        return self._prefix + blob.hex()
 
-    def put(self, payload_digest: bytes, payload: bytes) -> bool:
-        """Make the payload durable; whether it is new here. Raises OSError."""
-        path = self.path(payload_digest)
-        is_new = not path.exists()
-        for folder in (self.folder, path.parent):
-            if not folder.exists():
-                folder.mkdir(exist_ok=True)
-                sync_folder(folder.parent)
-        write_durably(path, payload)
+    def put(self, blob: bytes, data: bytes) -> bool:
+        """Make the blob durable; whether it is new here. Raises OSError."""
+        path = self.path(blob)
+        is_new = not os.path.exists(path)
+        try:
+            write_durably(path, data)  # if it is there: mends one that was damaged
+        except FileNotFoundError:
+            self.folder.mkdir()
+            sync_folder(self.folder.parent)
+            write_durably(path, data)
         return is_new
 
-    def get(self, payload_digest: bytes) -> bytes:
-        """The payload, its digest checked. NotFoundError, DamagedError, or OSError."""
+    def get(self, blob: bytes) -> bytes:
+        """The blob's bytes, checked against its digest. NotFoundError, DamagedError, or OSError."""
         try:
-            payload = self.path(payload_digest).read_bytes()
+            handle = os.open(self.path(blob), os.O_RDONLY)
         except FileNotFoundError:
-            raise _missing(payload_digest) from None
-        if digest(payload) != payload_digest:
-            raise _damaged(payload_digest)
-        return payload
-
-    def check(self, payload_digest: bytes) -> None:
-        """As ``get``, without holding the bytes."""
+            raise NotFoundError(f"the payload {blob.hex()} is missing") from None
         try:
-            with open(self.path(payload_digest), "rb") as file:
-                found = hashlib.file_digest(file, "sha256").digest()
-        except FileNotFoundError:
-            raise _missing(payload_digest) from None
-        if found != payload_digest:
-            raise _damaged(payload_digest)
+            size = os.fstat(handle).st_size
+            data = os.read(handle, size) if size <= MAX_PAYLOAD_BYTES else b""
+        finally:
+            os.close(handle)
+        if digest(data) != blob:
+            raise DamagedError(f"the payload {blob.hex()} has other bytes than were published")
+        return data
 
-    def remove(self, payload_digest: bytes) -> None:
-        """Take back a payload that no record names."""
+    def remove(self, blob: bytes) -> None:
+        """Take back a blob that no record needs."""
         with contextlib.suppress(OSError):
-            self.path(payload_digest).unlink(missing_ok=True)
+            os.unlink(self.path(blob))
 
+    def files(self) -> Iterator[tuple[Path, bytes | None]]:
+        """Every blob's file with its digest, and None with those that were never finished.
 
-def _missing(payload_digest: bytes) -> NotFoundError:
-    return NotFoundError(f"the payload {payload_digest.hex()} is missing")
-
-
-def _damaged(payload_digest: bytes) -> DamagedError:
-    return DamagedError(f"the payload {payload_digest.hex()} has other bytes than were published")
+        Files that no ledger writes are passed over.
+        """
+        for path in sorted(self.folder.glob("*")):
+            if path.name.startswith(".") and path.name.endswith(TEMPORARY):
+                yield path, None
+            elif _BLOB_NAME.fullmatch(path.name):
+                yield path, bytes.fromhex(path.name)

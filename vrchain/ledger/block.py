@@ -1,57 +1,61 @@
 """A block: one link of the chain, with every robot's newest transaction."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Self, TypeAlias, cast
 
 from vrchain.ledger.encoding import (
     DIGEST_BYTES,
+    NO_DIGEST,
     Field,
     check_integer,
     check_kinds,
     check_length,
     check_name,
+    digest,
+    encode,
 )
-from vrchain.ledger.errors import EncodingError
-from vrchain.ledger.membership import OPERATOR, Enrolment, Genesis
-from vrchain.ledger.record import SignedRecord, check_sorted_names, decode_signed
+from vrchain.ledger.errors import NewestError, RecordError
+from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.merkle import Tree
+from vrchain.ledger.record import SignedRecord, decode_signed
+from vrchain.ledger.table import Rows, Table
 from vrchain.ledger.transaction import Transaction
 
-Record: TypeAlias = Genesis | Enrolment | Transaction
+Record: TypeAlias = Genesis | Enrolment | Expulsion | Drop | Transaction
 
-NO_BLOCK = bytes(DIGEST_BYTES)  # what the first block has for its previous hash
-NO_TRANSACTION = bytes(DIGEST_BYTES)  # newest of a robot that has not published yet
+NO_BLOCK = NO_DIGEST  # what the first block has for its previous hash
 _RECORD_KINDS: dict[str, type[SignedRecord]] = {
-    kind.DOMAIN: kind for kind in (Genesis, Enrolment, Transaction)
+    kind.DOMAIN: kind for kind in (Genesis, Enrolment, Expulsion, Drop, Transaction)
 }
 
 
 @dataclass(frozen=True)
 class Block(SignedRecord):
-    """``records``: ids of the records that this block brings in, in their order.
+    """The signed part is short, whatever the block brings in and however many robots there are.
 
-    ``newest``: (robot, id of its newest transaction), for all robots, carried over or new,
-    sorted by robot. ``author`` is the member (or the operator) who made and signed the block.
+    ``records_root``: of the ids of the records that it brings in, see ``records_root``.
+    ``newest_root``: of the table of every robot's newest transaction, see ``Table``.
+    ``author``: the member (or the operator) who made and signed the block.
+    ``table``: that table, for a block that was made here, judged, or read from a ledger.
     """
 
-    DOMAIN: ClassVar[str] = "vrchain/1/block"
+    DOMAIN: ClassVar[str] = "vrchain/2/block"
 
     height: int
     previous_hash: bytes
     timestamp_ns: int
-    records: tuple[bytes, ...]
-    newest: tuple[tuple[str, bytes], ...]
+    records_root: bytes
+    newest_root: bytes
     author: str
+    table: Table | None = field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         check_integer("height", self.height)
         check_length("previous hash", self.previous_hash, DIGEST_BYTES)
         check_integer("timestamp_ns", self.timestamp_ns)
-        for record_id in self.records:
-            check_length("record id", record_id, DIGEST_BYTES)
-        for robot, transaction_id in self.newest:
-            check_name("robot", robot)
-            check_length(f"newest transaction of {robot}", transaction_id, DIGEST_BYTES)
-        check_sorted_names("newest", [robot for robot, _ in self.newest])
+        check_length("root of the records", self.records_root, DIGEST_BYTES)
+        check_length("root of the newest", self.newest_root, DIGEST_BYTES)
         if self.author != OPERATOR:
             check_name("author", self.author)
 
@@ -63,25 +67,38 @@ class Block(SignedRecord):
         """The block's id: SHA-256 of its canonical bytes, 32 bytes."""
         return self.id
 
+    @property
+    def newest(self) -> Rows:
+        """(robot, id of its newest transaction) for all robots, carried over or new, sorted.
+
+        Raises RecordError for a block whose ``table`` is not known.
+        """
+        if self.table is None:
+            raise RecordError(f"{self} alone holds only the root of its table; ask a ledger for it")
+        return self.table.rows
+
+    def learn(self, table: Table) -> None:
+        """Keep ``table`` with the block; NewestError unless it is the one that the root pins."""
+        if table.root != self.newest_root:
+            raise NewestError(
+                f"{self} has another table of newest transactions than its records make"
+            )
+        self.__dict__["table"] = table
+
     def _fields(self) -> tuple[Field, ...]:
         return (
             self.height,
             self.previous_hash,
             self.timestamp_ns,
-            self.records,
-            self.newest,
+            self.records_root,
+            self.newest_root,
             self.author,
         )
 
     @classmethod
     def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
-        kinds = (int, bytes, int, tuple, tuple, str)
-        check_kinds("block", fields, *kinds)
-        for row in fields[4]:
-            if type(row) is not tuple:
-                raise EncodingError(f"newest: expected tuples, got {type(row).__name__}")
-            check_kinds("newest", row, str, bytes)
-        return cls(*fields, signature=signature)
+        kinds = (int, bytes, int, bytes, bytes, str)
+        return cls(*check_kinds("block", fields, *kinds), signature=signature)
 
 
 class Entry(NamedTuple):
@@ -91,8 +108,13 @@ class Entry(NamedTuple):
     records: tuple[Record, ...]
 
 
+def records_root(records: Sequence[Record]) -> bytes:
+    """The root of the Merkle tree over the records' ids, each id hashed behind its domain."""
+    return Tree([digest(encode("vrchain/2/record", record.id)) for record in records]).root
+
+
 def decode_record(data: bytes) -> Record:
-    """The genesis record, enrolment or transaction of exactly these canonical bytes.
+    """The record of one of the kinds above in exactly these canonical bytes.
 
     Raises EncodingError, RecordError or TooLargeError for anything else.
     """

@@ -6,11 +6,20 @@ The history itself is the store's; what is here is what the next block is judged
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from vrchain.ledger.block import NO_BLOCK, Block, Entry, Record
+from vrchain.ledger.block import NO_BLOCK, Block, Entry, Record, records_root
 from vrchain.ledger.keys import PublicKey, SigningKey
-from vrchain.ledger.membership import OPERATOR, Enrolment, Genesis
-from vrchain.ledger.transaction import Transaction
-from vrchain.ledger.validity import State, begin, follow, newest_table, unknown_member
+from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.transaction import NO_BLOB, NO_TRANSACTION, Transaction
+from vrchain.ledger.validity import (
+    Earlier,
+    State,
+    begin,
+    check_author,
+    follow,
+    nothing_earlier,
+    table_of,
+    take,
+)
 
 
 def genesis_entry(
@@ -23,87 +32,117 @@ def genesis_entry(
     """The first block with its genesis record, signed by ``operator``. RecordError on bad names."""
     rows = tuple(sorted(members.items()))
     genesis = Genesis(name, salt, timestamp_ns, operator.public, rows).signed(operator)
-    newest = newest_table(dict.fromkeys(members))
-    block = Block(0, NO_BLOCK, timestamp_ns, (genesis.id,), newest, OPERATOR)
+    table = table_of(dict.fromkeys(members))
+    root = records_root((genesis,))
+    block = Block(0, NO_BLOCK, timestamp_ns, root, table.root, OPERATOR, table)
     return Entry(block.signed(operator), (genesis,))
 
 
 class Chain:
-    """The state after some entries. Start one with the ledger's first entry."""
+    """The state after some entries. Start one with the ledger's first entry.
+
+    ``earlier`` finds transactions that are no longer the newest, where they are at hand.
+    """
 
     def __init__(self, first: Entry) -> None:
-        self._state = begin(*first)
+        self.state = begin(*first)
+        self._earlier: Earlier = nothing_earlier
 
     @classmethod
-    def at(cls, state: State) -> "Chain":
+    def at(cls, state: State, earlier: Earlier) -> "Chain":
         """A chain that goes on from a state that the caller vouches for."""
         chain = cls.__new__(cls)
-        chain._state = state
+        chain.state, chain._earlier = state, earlier
         return chain
 
     @property
     def genesis(self) -> Genesis:
         """The genesis record; its id is the ledger's id."""
-        return self._state.genesis
+        return self.state.genesis
 
     @property
     def head(self) -> Block:
         """The newest block."""
-        return self._state.head
+        return self.state.head
 
     @property
     def members(self) -> Mapping[str, PublicKey]:
         """Public keys by robot."""
-        return MappingProxyType(self._state.members)
+        return MappingProxyType(self.state.members)
 
     def latest(self, robot: str) -> Transaction | None:
         """The robot's newest transaction, None before its first; UnknownMemberError."""
         try:
-            return self._state.newest[robot]
+            return self.state.newest[robot]
         except KeyError:
-            raise unknown_member(robot, self._state.members) from None
+            raise self.state.not_a_member(robot) from None
 
     def check(self, block: Block, records: Sequence[Record]) -> State:
         """The state after this block, without going there; an InvalidError if it is refused."""
-        return follow(self._state, block, records)
-
-    def advance(self, state: State) -> None:
-        """Go to a state that ``check`` gave."""
-        self._state = state
+        return follow(self.state, block, records, self._earlier)
 
     def append(self, block: Block, records: Sequence[Record]) -> None:
         """Take the block in, or raise an InvalidError and stay as before."""
-        self.advance(self.check(block, records))
+        self.state = self.check(block, records)
 
-    def draft_transaction(
-        self, robot: str, payload_digest: bytes, reason: str, timestamp_ns: int
-    ) -> Transaction:
-        """The robot's next transaction, not signed yet."""
-        last = self.latest(robot)
-        sequence = last.sequence + 1 if last else 0
-        return Transaction(self.genesis.id, robot, sequence, timestamp_ns, reason, payload_digest)
+    def take(self, records: Sequence[Record], author: str, public: PublicKey) -> State:
+        """The state with ``records`` taken in, for ``draft_block``; an InvalidError if refused.
 
-    def draft_enrolment(self, name: str, public_key: PublicKey, timestamp_ns: int) -> Enrolment:
-        """The operator's next enrolment, not signed yet."""
-        sequence = self._state.enrolments
-        return Enrolment(self.genesis.id, sequence, timestamp_ns, name, public_key)
+        ``public``: of the key that will sign the block. It must be the author's, so that the
+        block's own signature, once made, need not be checked again.
+        """
+        after = take(self.state, records, author, self._earlier)
+        check_author(after, author, public)
+        return after
 
-    def draft_block(self, records: Sequence[Record], author: str) -> Block:
-        """The block that brings in ``records`` next, not signed yet.
+    def draft_block(self, after: State, records: Sequence[Record], author: str) -> Block:
+        """The block, not signed yet, that brings in ``records``; ``after`` as ``take`` gave it.
 
         Its timestamp is the latest among the head's and the records'.
         """
-        newest = dict(self._state.newest)
-        for record in records:
-            if isinstance(record, Transaction):
-                newest[record.robot] = record
-            elif isinstance(record, Enrolment):
-                newest[record.name] = None
+        head = self.state.head
         return Block(
-            self.head.height + 1,
-            self.head.hash,
-            max([self.head.timestamp_ns, *(record.timestamp_ns for record in records)]),
-            tuple(record.id for record in records),
-            newest_table(newest),
+            head.height + 1,
+            head.hash,
+            max([head.timestamp_ns, *(record.timestamp_ns for record in records)]),
+            records_root(records),
+            after.table.root,
             author,
+            after.table,
         )
+
+    def draft_transaction(
+        self,
+        robot: str,
+        payload_digest: bytes,
+        reason: str,
+        timestamp_ns: int,
+        landmarks_digest: bytes = NO_BLOB,
+    ) -> Transaction:
+        """The robot's next transaction, not signed yet."""
+        last = self.latest(robot)
+        return Transaction(
+            self.genesis.id,
+            robot,
+            last.sequence + 1 if last else 0,
+            timestamp_ns,
+            reason,
+            payload_digest,
+            landmarks_digest,
+            last.id if last else NO_TRANSACTION,
+        )
+
+    def draft_enrolment(self, name: str, public_key: PublicKey, timestamp_ns: int) -> Enrolment:
+        """The operator's next record, an enrolment, not signed yet."""
+        return Enrolment(*self._operators_next(timestamp_ns), name, public_key)
+
+    def draft_expulsion(self, name: str, timestamp_ns: int) -> Expulsion:
+        """The operator's next record, an expulsion, not signed yet."""
+        return Expulsion(*self._operators_next(timestamp_ns), name)
+
+    def draft_drop(self, blobs: Sequence[bytes], timestamp_ns: int) -> Drop:
+        """The operator's next record, a drop of these blobs, not signed yet."""
+        return Drop(*self._operators_next(timestamp_ns), tuple(sorted(set(blobs))))
+
+    def _operators_next(self, timestamp_ns: int) -> tuple[bytes, int, int]:
+        return self.genesis.id, self.state.operator_records, timestamp_ns

@@ -1,7 +1,9 @@
 """Blocks and records in SQLite. Reading is strict: every column must follow from the records."""
 
 import sqlite3
+from collections.abc import Iterator
 from pathlib import Path
+from typing import TypeAlias
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.block import Block, Entry, Record, decode_record
@@ -16,26 +18,30 @@ from vrchain.ledger.keys import DATABASE_NAME
 from vrchain.ledger.transaction import Transaction
 
 APPLICATION_ID = 0x56524C31  # "VRL1"
-FORMAT_VERSION = 1
+FORMAT_VERSION = 2
 
-# robot and sequence are null for the operator's records.
+# robot is null for the operator's records. Its index goes on with the primary key's columns, so
+# that it finds a robot's transactions in their order, and its newest up to a height.
 _SCHEMA = f"""
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {FORMAT_VERSION};
 CREATE TABLE blocks (height INTEGER PRIMARY KEY, hash BLOB NOT NULL, record BLOB NOT NULL);
 CREATE TABLE records (
-    id BLOB PRIMARY KEY,
     height INTEGER NOT NULL,
     position INTEGER NOT NULL,
+    id BLOB NOT NULL UNIQUE,
     robot TEXT,
-    sequence INTEGER,
     record BLOB NOT NULL,
-    UNIQUE (height, position),
-    UNIQUE (robot, sequence)
-);
+    PRIMARY KEY (height, position)
+) WITHOUT ROWID;
+CREATE INDEX robots ON records (robot);
 """
 
-_COLUMNS = "id, height, position, robot, sequence, record"
+_LOG_PAGES = 256  # of 4 KiB, before SQLite's log is written back: it is a small part of the disk
+_CHUNK = 64  # blocks that are read at a time
+
+_BlockRow: TypeAlias = tuple[int, bytes, bytes]
+_RecordRow: TypeAlias = tuple[int, int, bytes, str | None, bytes]
 
 
 def create_database(path: Path, first: Entry) -> None:
@@ -81,29 +87,61 @@ def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
 def insert_entry(db: sqlite3.Connection, entry: Entry) -> None:
     """Insert the entry's rows. Raises sqlite3.Error."""
     db.execute("INSERT INTO blocks VALUES (?, ?, ?)", _block_row(entry.block))
-    db.executemany("INSERT INTO records VALUES (?, ?, ?, ?, ?, ?)", _record_rows(entry))
+    db.executemany("INSERT INTO records VALUES (?, ?, ?, ?, ?)", _record_rows(entry))
 
 
 def read_entry(db: sqlite3.Connection, height: int) -> Entry:
-    """The entry at a height.
+    """The entry at a height. NotFoundError where no block is; otherwise as ``read_entries``."""
+    return next(read_entries(db, height, height + 1))
 
-    NotFoundError where no block is, DamagedError unless every stored byte and column is
-    what these records make it. Whether they follow the chain is not judged here.
+
+def read_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entry]:
+    """The entries from height ``start`` to before ``stop``, some at a time.
+
+    NotFoundError where a block is missing, DamagedError unless every stored byte and column
+    is what these records make it. Whether they follow the chain, and whether a block's roots
+    are those of its records and table, is not judged here.
     """
-    with storage_errors(f"reading block {height}"):
-        row = db.execute("SELECT * FROM blocks WHERE height = ?", (height,)).fetchone()
-        query = f"SELECT {_COLUMNS} FROM records WHERE height = ? ORDER BY position"
-        rows = db.execute(query, (height,)).fetchall()
-    if row is None:
-        raise NotFoundError(f"block {height} is missing")
+    for first in range(start, stop, _CHUNK):
+        heights = range(first, min(first + _CHUNK, stop))
+        try:
+            blocks, records = _read_rows(db, heights)
+        except StorageError:
+            if len(heights) == 1:
+                raise
+            for height in heights:  # one by one, to come to the one that cannot be read
+                yield from read_entries(db, height, height + 1)
+            continue
+        for height in heights:
+            if height not in blocks:
+                raise NotFoundError(f"block {height} is missing")
+            yield _entry(blocks[height], records.get(height, []))
+
+
+def _read_rows(
+    db: sqlite3.Connection, heights: range
+) -> tuple[dict[int, _BlockRow], dict[int, list[_RecordRow]]]:
+    """The rows of the blocks at these heights, and those of their records."""
+    first, last = heights[0], heights[-1]
+    with storage_errors(f"reading blocks {first} to {last}"):
+        query = "SELECT * FROM blocks WHERE height BETWEEN ? AND ?"
+        blocks = {row[0]: row for row in db.execute(query, (first, last))}
+        query = "SELECT * FROM records WHERE height BETWEEN ? AND ? ORDER BY height, position"
+        records: dict[int, list[_RecordRow]] = {}
+        for row in db.execute(query, (first, last)):
+            records.setdefault(row[0], []).append(row)
+    return blocks, records
+
+
+def _entry(row: _BlockRow, rows: list[_RecordRow]) -> Entry:
+    height = row[0]
     try:
-        entry = Entry(Block.decode(row[2]), tuple(decode_record(row[-1]) for row in rows))
+        block = Block.decode(row[2])
+        entry = Entry(block, tuple([decode_record(row[-1]) for row in rows]))
     except LedgerError as error:
         raise DamagedError(f"block {height} or a record of it is damaged: {error}") from None
-    if row != _block_row(entry.block):
+    if row != _block_row(block):
         raise DamagedError(f"block {height} is not stored under its own height and hash")
-    if entry.block.records != tuple(record.id for record in entry.records):
-        raise DamagedError(f"block {height} lists other records than are stored with it")
     if rows != _record_rows(entry):
         raise DamagedError(f"a record of block {height} is not stored under its own columns")
     return entry
@@ -140,27 +178,79 @@ def last_height(db: sqlite3.Connection) -> int:
     return height
 
 
-def hash_at(db: sqlite3.Connection, height: int) -> bytes | None:
-    """The hash stored for a height, None where no block is."""
+def news(db: sqlite3.Connection, height: int) -> list[tuple[int, bytes]]:
+    """(height, hash) of the block at ``height`` and of the next one, those that are there."""
+    query = "SELECT height, hash FROM blocks WHERE height >= ? ORDER BY height LIMIT 2"
     with storage_errors("reading the head"):
-        row = db.execute("SELECT hash FROM blocks WHERE height = ?", (height,)).fetchone()
-    return row[0] if row else None
+        return db.execute(query, (height,)).fetchall()
+
+
+def find_transaction(db: sqlite3.Connection, robot: str, sequence: int) -> Transaction | None:
+    """The robot's stored transaction with this number, None where none is. DamagedError."""
+    # Numbers have no gaps, so the number is the place.
+    query = (
+        "SELECT id, record FROM records WHERE robot = ? ORDER BY height, position LIMIT 1 OFFSET ?"
+    )
+    return _transaction(db, query, (robot, sequence))
+
+
+def newest_transaction(db: sqlite3.Connection, robot: str, height: int) -> Transaction | None:
+    """The robot's newest up to the block at ``height``, None before its first. DamagedError."""
+    query = (
+        "SELECT id, record FROM records WHERE robot = ? AND height <= ? "
+        "ORDER BY height DESC, position DESC LIMIT 1"
+    )
+    return _transaction(db, query, (robot, height))
+
+
+def _transaction(db: sqlite3.Connection, query: str, values: tuple[str, int]) -> Transaction | None:
+    with storage_errors("reading a transaction"):
+        row = db.execute(query, values).fetchone()
+    if row is None:
+        return None
+    record = checked_record(row[1], row[0])
+    if not isinstance(record, Transaction):
+        raise DamagedError(f"{record} is stored as a transaction; run verify")
+    return record
+
+
+def all_records(db: sqlite3.Connection) -> Iterator[Record]:
+    """Every record in the chain's order. DamagedError for one that is not what its id says."""
+    with storage_errors("reading the records"):
+        for row in db.execute("SELECT id, record FROM records ORDER BY height, position"):
+            yield checked_record(row[1], row[0])
+
+
+def operator_records(db: sqlite3.Connection, height: int) -> list[Record]:
+    """What the operator signed up to the block at ``height``, genesis first. DamagedError."""
+    query = (
+        "SELECT id, record FROM records WHERE robot IS NULL AND height <= ? "
+        "ORDER BY height, position"
+    )
+    with storage_errors("reading the operator's records"):
+        return [checked_record(data, record_id) for record_id, data in db.execute(query, (height,))]
 
 
 def _prepare(db: sqlite3.Connection, wait_s: float) -> None:
     db.execute(f"PRAGMA busy_timeout = {int(wait_s * 1000)}")
     db.execute("PRAGMA trusted_schema = OFF")
     db.execute("PRAGMA synchronous = FULL")
+    db.execute(f"PRAGMA wal_autocheckpoint = {_LOG_PAGES}")
 
 
-def _block_row(block: Block) -> tuple[int, bytes, bytes]:
+def _block_row(block: Block) -> _BlockRow:
     return block.height, block.hash, block.record
 
 
-def _record_rows(entry: Entry) -> list[tuple[bytes, int, int, str | None, int | None, bytes]]:
-    rows = []
-    for position, record in enumerate(entry.records):
-        robot = record.robot if isinstance(record, Transaction) else None
-        sequence = record.sequence if isinstance(record, Transaction) else None
-        rows.append((record.id, entry.block.height, position, robot, sequence, record.record))
-    return rows
+def _record_rows(entry: Entry) -> list[_RecordRow]:
+    height = entry.block.height
+    return [
+        (
+            height,
+            position,
+            record.id,
+            record.robot if isinstance(record, Transaction) else None,
+            record.record,
+        )
+        for position, record in enumerate(entry.records)
+    ]

@@ -4,31 +4,39 @@ import contextlib
 import errno
 import os
 import sqlite3
-from collections.abc import Iterator
+from io import FileIO
 from pathlib import Path
+from types import TracebackType
 
 from vrchain.ledger.errors import DamagedError, LedgerBusyError, StorageError, StorageFullError
 
+TEMPORARY = ".tmp"  # how the names of files end that are not whole yet
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
-def write_durably(path: Path, data: bytes) -> None:
+def write_durably(path: str, data: bytes) -> None:
     """Write ``path`` under a temporary name, fsync, rename, fsync the folder. Raises OSError."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    folder, name = os.path.split(path)
+    temporary = f"{folder}/.{name}.{os.getpid()}{TEMPORARY}"
     try:
-        with open(temporary, "wb") as file:
-            file.write(data)
-            file.flush()
+        with open(temporary, "wb", buffering=0) as file:
+            _write_all(file, data)
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except BaseException:
         with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+            os.unlink(temporary)
         raise
-    sync_folder(path.parent)
+    sync_folder(folder)
 
 
-def sync_folder(folder: Path) -> None:
+def _write_all(file: FileIO, data: bytes) -> None:
+    rest = memoryview(data)
+    while rest:  # a disk that fills up takes a part first
+        rest = rest[file.write(rest) :]
+
+
+def sync_folder(folder: str | Path) -> None:
     """Make the names in ``folder`` durable."""
     handle = os.open(folder, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -37,19 +45,35 @@ def sync_folder(folder: Path) -> None:
         os.close(handle)
 
 
-@contextlib.contextmanager
-def storage_errors(doing: str) -> Iterator[None]:
+class storage_errors:  # a class, since a generator would take longer than a look-up
     """Turn what disk and database raise into StorageError and its kinds; ``doing`` says when."""
-    try:
-        yield
-    except OSError as error:
-        if error.errno in _FULL:
-            raise StorageFullError(f"no room on the disk while {doing}; make room") from error
-        raise StorageError(f"{error.strerror or error} while {doing}: {error.filename}") from error
-    except sqlite3.Error as error:
-        raise _database_error(doing, error) from error
-    except UnicodeError as error:  # SQLite quotes the garbage that it found
-        raise DamagedError(f"the database is damaged while {doing}; run verify") from error
+
+    __slots__ = ("_doing",)
+
+    def __init__(self, doing: str) -> None:
+        self._doing = doing
+
+    def __enter__(self) -> None:
+        return None
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if isinstance(error, OSError | sqlite3.Error | UnicodeError):
+            raise _storage_error(self._doing, error) from error
+
+
+def _storage_error(doing: str, error: OSError | sqlite3.Error | UnicodeError) -> StorageError:
+    if isinstance(error, sqlite3.Error):
+        return _database_error(doing, error)
+    if isinstance(error, UnicodeError):  # SQLite quotes the garbage that it found
+        return DamagedError(f"the database is damaged while {doing}; run verify")
+    if error.errno in _FULL:
+        return StorageFullError(f"no room on the disk while {doing}; make room")
+    return StorageError(f"{error.strerror or error} while {doing}: {error.filename}")
 
 
 def _database_error(doing: str, error: sqlite3.Error) -> StorageError:

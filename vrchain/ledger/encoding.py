@@ -7,6 +7,9 @@ exactly one encoding and ``decode`` takes no other bytes. docs/ledger-format.md 
 
 import hashlib
 import re
+import struct
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any, TypeAlias
 
 from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
@@ -14,11 +17,13 @@ from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
 Field: TypeAlias = "int | str | bytes | tuple[Field, ...]"
 
 DIGEST_BYTES = 32
+NO_DIGEST = bytes(DIGEST_BYTES)  # stands for nothing: no earlier block or transaction, no blob
 MAX_RECORD_BYTES = 1 << 20
 MAX_PAYLOAD_BYTES = 1 << 26
 MAX_INTEGER = (1 << 63) - 1  # also fits SQLite's signed integers
 _MAX_DEPTH = 4
-_HEAD_BYTES = 5  # one tag, four of length
+_HEAD = struct.Struct(">BI")  # one byte of tag, four of length
+_BYTES, _TEXT, _INTEGER, _TUPLE = b"bsit"
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
@@ -28,14 +33,19 @@ def digest(data: bytes) -> bytes:
 
 
 def encode(domain: str, *fields: Field) -> bytes:
-    """Canonical bytes of ``fields`` under ``domain``, for instance ``"vrchain/1/transaction"``.
+    """Canonical bytes of ``fields`` under ``domain``, for instance ``"vrchain/2/transaction"``.
 
     Raises EncodingError for a value that has no encoding, TooLargeError over MAX_RECORD_BYTES.
     """
-    data = b"".join([_encode_field(domain), *map(_encode_field, fields)])
+    data = encode_fields(domain, *fields)
     if len(data) > MAX_RECORD_BYTES:
         raise _too_large("record", len(data), MAX_RECORD_BYTES)
     return data
+
+
+def encode_fields(*fields: Field) -> bytes:
+    """Fields without a domain of their own: part of what is encoded elsewhere. EncodingError."""
+    return b"".join(map(_encode_field, fields))
 
 
 def decode(data: bytes, domain: str) -> tuple[Any, ...]:
@@ -55,10 +65,15 @@ def split(data: bytes) -> tuple[str, tuple[Any, ...]]:
         raise EncodingError(f"expected bytes, got {type(data).__name__}")
     if len(data) > MAX_RECORD_BYTES:
         raise _too_large("record", len(data), MAX_RECORD_BYTES)
-    fields = _decode_fields(data, depth=0)
+    fields = decode_fields(data)
     if not fields or type(fields[0]) is not str:
         raise EncodingError("expected a record that begins with its domain; the bytes hold none")
     return fields[0], fields[1:]
+
+
+def decode_fields(data: bytes) -> tuple[Any, ...]:
+    """The fields that ``encode_fields`` made into ``data``; EncodingError for other bytes."""
+    return _decode_fields(data, 0, len(data), depth=0)
 
 
 def check_kinds(what: str, fields: tuple[Any, ...], *kinds: type) -> tuple[Any, ...]:
@@ -92,6 +107,12 @@ def check_length(what: str, value: bytes, length: int) -> None:
         raise RecordError(f"{what}: expected {length} bytes, got {got}")
 
 
+def check_sorted(what: str, values: Sequence[Any]) -> None:
+    """Refuse with RecordError what is not sorted, or holds a value twice."""
+    if any(first >= second for first, second in pairwise(values)):
+        raise RecordError(f"{what}: expected them sorted, each once, got {values!r:.200}")
+
+
 def check_payload(payload: bytes) -> None:
     """Refuse a payload that is not bytes (RecordError) or is too large (TooLargeError)."""
     if type(payload) is not bytes:
@@ -105,52 +126,50 @@ def _too_large(what: str, size: int, limit: int) -> TooLargeError:
 
 
 def _encode_field(value: Field) -> bytes:
-    kind = type(value)
-    if isinstance(value, bytes) and kind is bytes:
-        tag, body = b"b", value
-    elif isinstance(value, str) and kind is str:
-        try:
-            tag, body = b"s", value.encode()
-        except UnicodeEncodeError as error:
-            raise EncodingError(f"text that is not Unicode has no encoding: {error}") from None
-    elif isinstance(value, int) and kind is int:
+    if type(value) is bytes:
+        return _HEAD.pack(_BYTES, len(value)) + value
+    if type(value) is int:
         if not 0 <= value <= MAX_INTEGER:
             raise EncodingError(f"expected an integer from 0 to 2**63 - 1, got {value}")
-        tag, body = b"i", value.to_bytes(8, "big")
-    elif isinstance(value, tuple) and kind is tuple:
-        tag, body = b"t", b"".join(map(_encode_field, value))
-    else:
-        raise EncodingError(f"expected int, str, bytes or tuple, got {kind.__name__}")
-    return tag + len(body).to_bytes(4, "big") + body
+        return _HEAD.pack(_INTEGER, 8) + value.to_bytes(8, "big")
+    if type(value) is str:
+        try:
+            text = value.encode()
+        except UnicodeEncodeError as error:
+            raise EncodingError(f"text that is not Unicode has no encoding: {error}") from None
+        return _HEAD.pack(_TEXT, len(text)) + text
+    if type(value) is tuple:
+        inner = b"".join(map(_encode_field, value))
+        return _HEAD.pack(_TUPLE, len(inner)) + inner
+    raise EncodingError(f"expected int, str, bytes or tuple, got {type(value).__name__}")
 
 
-def _decode_fields(data: bytes, depth: int) -> tuple[Any, ...]:
+def _decode_fields(data: bytes, position: int, end: int, depth: int) -> tuple[Any, ...]:
+    """The fields in ``data[position:end]``. One loop: a ledger's verification runs it most."""
     if depth > _MAX_DEPTH:
         raise EncodingError(f"expected tuples nested at most {_MAX_DEPTH} deep")
     fields: list[Field] = []
-    position = 0
-    while position < len(data):
-        start = position + _HEAD_BYTES
-        end = start + int.from_bytes(data[position + 1 : start], "big")
-        if start > len(data) or end > len(data):
+    while position < end:
+        start = position + _HEAD.size
+        tag, length = _HEAD.unpack_from(data, position) if start <= end else (0, 0)
+        if start > end or start + length > end:
             raise EncodingError(f"expected a whole field at byte {position}, got a truncated one")
-        fields.append(_decode_field(data[position], data[start:end], position, depth))
-        position = end
+        if tag == _BYTES:
+            fields.append(data[start : start + length])
+        elif tag == _INTEGER:
+            if length != 8 or data[start] > 127:
+                raise EncodingError(
+                    f"expected an integer of 8 bytes below 2**63 at byte {position}"
+                )
+            fields.append(int.from_bytes(data[start : start + 8], "big"))
+        elif tag == _TEXT:
+            try:
+                fields.append(data[start : start + length].decode())
+            except UnicodeDecodeError:
+                raise EncodingError(f"expected UTF-8 text at byte {position}") from None
+        elif tag == _TUPLE:
+            fields.append(_decode_fields(data, start, start + length, depth + 1))
+        else:
+            raise EncodingError(f"expected a tag b, s, i or t at byte {position}, got byte {tag}")
+        position = start + length
     return tuple(fields)
-
-
-def _decode_field(tag: int, body: bytes, position: int, depth: int) -> Field:
-    if tag == ord("b"):
-        return body
-    if tag == ord("s"):
-        try:
-            return body.decode()
-        except UnicodeDecodeError:
-            raise EncodingError(f"expected UTF-8 text at byte {position}") from None
-    if tag == ord("i"):
-        if len(body) != 8 or body[0] > 127:
-            raise EncodingError(f"expected an integer of 8 bytes below 2**63 at byte {position}")
-        return int.from_bytes(body, "big")
-    if tag == ord("t"):
-        return _decode_fields(body, depth + 1)
-    raise EncodingError(f"expected a tag b, s, i or t at byte {position}, got byte {tag}")

@@ -1,6 +1,11 @@
 """The ledger's own errors. Each refusal has its kind, so that a caller can tell them apart."""
 
+from typing import TYPE_CHECKING
+
 from vrchain.errors import LedgerError
+
+if TYPE_CHECKING:  # the records import this module
+    from vrchain.ledger.record import SignedRecord
 
 
 class EncodingError(LedgerError):
@@ -28,7 +33,7 @@ class InvalidError(LedgerError):
 
 
 class BrokenLinkError(InvalidError):
-    """A block does not follow the head: wrong height or previous hash."""
+    """A block does not follow the head, or a transaction not its robot's previous one."""
 
 
 class TimeOrderError(InvalidError):
@@ -37,6 +42,10 @@ class TimeOrderError(InvalidError):
 
 class UnknownMemberError(InvalidError):
     """The name is not a member of this ledger."""
+
+
+class ExpelledMemberError(UnknownMemberError):
+    """The name was a member's until the operator expelled it; it never comes back."""
 
 
 class DuplicateMemberError(InvalidError):
@@ -49,6 +58,14 @@ class WrongLedgerError(InvalidError):
 
 class ReplayError(InvalidError):
     """A sequence number was used before."""
+
+
+class EquivocationError(InvalidError):
+    """A robot signed two transactions with one number. Both are the evidence: first, second."""
+
+    def __init__(self, message: str, first: "SignedRecord", second: "SignedRecord") -> None:
+        super().__init__(message)
+        self.first, self.second = first, second
 
 
 class SequenceGapError(InvalidError):
@@ -68,7 +85,35 @@ class NewestError(InvalidError):
 
 
 class PayloadDigestError(InvalidError):
-    """A payload is not the one that its transaction names."""
+    """A payload or landmark record is not the one that its transaction names."""
+
+
+class DropError(InvalidError):
+    """A drop names a blob of some robot's newest transaction."""
+
+
+class ProofError(InvalidError):
+    """A proof does not lead from the transaction to the known head."""
+
+
+class AdmissionError(LedgerError):
+    """What may be valid is not taken in here and now; see ``admission``."""
+
+
+class InputLimitError(AdmissionError):
+    """Input that nobody has verified yet is larger than is taken from strangers."""
+
+
+class QueueFullError(AdmissionError):
+    """Too many transactions, or too many bytes, wait for their block already."""
+
+
+class ClockSkewError(AdmissionError):
+    """A timestamp is too far from the present time."""
+
+
+class RateLimitError(AdmissionError):
+    """The robot has published more than its rate allows."""
 
 
 class StorageError(LedgerError):
@@ -101,6 +146,10 @@ class DamagedError(StorageError):
 
 class NotFoundError(StorageError):
     """The ledger holds no such transaction, block or payload."""
+
+
+class DroppedError(NotFoundError):
+    """The blob was dropped on purpose; the operator signed that."""
 
 
 class PeerError(LedgerError):

@@ -2,9 +2,10 @@
 
 from typing import Any
 
-from vrchain.ledger.block import NO_TRANSACTION, Entry, Record
+from vrchain.ledger.block import Entry, Record
+from vrchain.ledger.encoding import NO_DIGEST
 from vrchain.ledger.keys import PublicKey
-from vrchain.ledger.membership import Enrolment, Genesis
+from vrchain.ledger.membership import Drop, Enrolment, Expulsion, Genesis
 from vrchain.ledger.transaction import Transaction
 
 
@@ -17,31 +18,52 @@ def entry_json(entry: Entry) -> dict[str, Any]:
         "previous_hash": block.previous_hash.hex(),
         "timestamp_ns": block.timestamp_ns,
         "author": block.author,
-        "newest": {
-            robot: None if transaction_id == NO_TRANSACTION else transaction_id.hex()
-            for robot, transaction_id in block.newest
-        },
+        "newest_root": block.newest_root.hex(),
+        "newest": {robot: _hex(transaction_id) for robot, transaction_id in block.newest},
+        "records_root": block.records_root.hex(),
         "records": [record_json(record) for record in entry.records],
         "signature": block.signature.hex(),
     }
 
 
 def record_json(record: Record) -> dict[str, Any]:
-    """A genesis record, enrolment or transaction, told apart by ``kind``."""
-    common = {"id": record.id.hex(), "timestamp_ns": record.timestamp_ns}
-    signature = {"signature": record.signature.hex()}
-    if isinstance(record, Transaction):
-        fields: dict[str, Any] = {
-            "robot": record.robot,
-            "sequence": record.sequence,
-            "reason": record.reason,
-            "payload_digest": record.payload_digest.hex(),
-        }
-        return {"kind": "transaction", **common, **fields, **signature}
-    if isinstance(record, Enrolment):
-        fields = {"sequence": record.sequence, "name": record.name, **_key(record.public_key)}
-        return {"kind": "enrolment", **common, **fields, **signature}
-    return {"kind": "genesis", **common, **_genesis(record), **signature}
+    """A record of any kind, told apart by ``kind``."""
+    kind, fields = _kind(record)
+    return {
+        "kind": kind,
+        "id": record.id.hex(),
+        "timestamp_ns": record.timestamp_ns,
+        **fields,
+        "signature": record.signature.hex(),
+    }
+
+
+def _kind(record: Record) -> tuple[str, dict[str, Any]]:
+    match record:
+        case Transaction():
+            return "transaction", {
+                "robot": record.robot,
+                "sequence": record.sequence,
+                "reason": record.reason,
+                "payload_digest": record.payload_digest.hex(),
+                "landmarks_digest": _hex(record.landmarks_digest),
+                "previous": _hex(record.previous),
+            }
+        case Enrolment():
+            key = _key(record.public_key)
+            return "enrolment", {"sequence": record.sequence, "name": record.name, **key}
+        case Expulsion():
+            return "expulsion", {"sequence": record.sequence, "name": record.name}
+        case Drop():
+            blobs = [blob.hex() for blob in record.blobs]
+            return "drop", {"sequence": record.sequence, "blobs": blobs}
+        case Genesis():
+            return "genesis", _genesis(record)
+
+
+def _hex(value: bytes) -> str | None:
+    """Hexadecimal digits; None for the zeros that stand for nothing."""
+    return None if value == NO_DIGEST else value.hex()
 
 
 def _genesis(record: Genesis) -> dict[str, Any]:

@@ -1,6 +1,7 @@
-"""Who may write: the genesis record names the first members, an enrolment adds one.
+"""What only the operator signs: who may write, and what is no longer kept.
 
-Both are signed by the operator, and by nobody else.
+The genesis record names the first members; an enrolment adds one, an expulsion ends one's
+membership for ever; a drop says which blobs need not be there any more.
 """
 
 from dataclasses import dataclass
@@ -13,12 +14,14 @@ from vrchain.ledger.encoding import (
     check_kinds,
     check_length,
     check_name,
+    check_sorted,
 )
 from vrchain.ledger.errors import EncodingError, RecordError
 from vrchain.ledger.keys import PublicKey
-from vrchain.ledger.record import SignedRecord, check_sorted_names
+from vrchain.ledger.record import SignedRecord
 
-OPERATOR = "operator"  # who signs genesis and enrolments; no robot may be called so
+OPERATOR = "operator"  # who signs these records; no robot may be called so
+MAX_DROPPED = 10_000  # blobs in one drop
 _MAX_TEXT = 200
 
 
@@ -30,7 +33,7 @@ class Genesis(SignedRecord):
     are otherwise alike; simulations leave it empty.
     """
 
-    DOMAIN: ClassVar[str] = "vrchain/1/genesis"
+    DOMAIN: ClassVar[str] = "vrchain/2/genesis"
 
     name: str
     salt: bytes
@@ -46,7 +49,7 @@ class Genesis(SignedRecord):
         check_integer("timestamp_ns", self.timestamp_ns)
         for name, _ in self.members:
             check_member_name(name)
-        check_sorted_names("members", [name for name, _ in self.members])
+        check_sorted("members", [name for name, _ in self.members])
 
     def __str__(self) -> str:
         return "the genesis record"
@@ -70,21 +73,30 @@ class Genesis(SignedRecord):
 
 
 @dataclass(frozen=True)
-class Enrolment(SignedRecord):
-    """The operator takes in the robot ``name``. ``sequence`` counts the operator's records."""
-
-    DOMAIN: ClassVar[str] = "vrchain/1/enrolment"
+class OperatorRecord(SignedRecord):
+    """Base of the operator's records after genesis; ``sequence`` counts them from 0."""
 
     ledger_id: bytes
     sequence: int
     timestamp_ns: int
-    name: str
-    public_key: PublicKey
 
     def __post_init__(self) -> None:
         check_length("ledger id", self.ledger_id, DIGEST_BYTES)
         check_integer("sequence", self.sequence)
         check_integer("timestamp_ns", self.timestamp_ns)
+
+
+@dataclass(frozen=True)
+class Enrolment(OperatorRecord):
+    """The operator takes in the robot ``name``."""
+
+    DOMAIN: ClassVar[str] = "vrchain/2/enrolment"
+
+    name: str
+    public_key: PublicKey
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
         check_member_name(self.name)
 
     def __str__(self) -> str:
@@ -102,6 +114,62 @@ class Enrolment(SignedRecord):
         )
         key = _key(raw, insecure)
         return cls(ledger_id, sequence, timestamp_ns, name, key, signature=signature)
+
+
+@dataclass(frozen=True)
+class Expulsion(OperatorRecord):
+    """The operator ends the membership of ``name``, whose row leaves the table of newest.
+
+    What it published before stays in the chain. The name is used up.
+    """
+
+    DOMAIN: ClassVar[str] = "vrchain/2/expulsion"
+
+    name: str
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_member_name(self.name)
+
+    def __str__(self) -> str:
+        return f"the expulsion of {self.name}"
+
+    def _fields(self) -> tuple[Field, ...]:
+        return (self.ledger_id, self.sequence, self.timestamp_ns, self.name)
+
+    @classmethod
+    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
+        return cls(*check_kinds("expulsion", fields, bytes, int, int, str), signature=signature)
+
+
+@dataclass(frozen=True)
+class Drop(OperatorRecord):
+    """From here on the blobs with these digests (sorted) need not be there any more.
+
+    A blob that a later transaction names again must be there again.
+    """
+
+    DOMAIN: ClassVar[str] = "vrchain/2/drop"
+
+    blobs: tuple[bytes, ...]
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not 1 <= len(self.blobs) <= MAX_DROPPED:
+            raise RecordError(f"drop: expected 1 to {MAX_DROPPED} blobs, got {len(self.blobs)}")
+        for blob in self.blobs:
+            check_length("dropped blob", blob, DIGEST_BYTES)
+        check_sorted("dropped blobs", self.blobs)
+
+    def __str__(self) -> str:
+        return f"the drop of {len(self.blobs)} blobs"
+
+    def _fields(self) -> tuple[Field, ...]:
+        return (self.ledger_id, self.sequence, self.timestamp_ns, self.blobs)
+
+    @classmethod
+    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
+        return cls(*check_kinds("drop", fields, bytes, int, int, tuple), signature=signature)
 
 
 def check_member_name(name: str) -> None:

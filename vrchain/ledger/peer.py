@@ -1,8 +1,8 @@
 """Another robot's process: it receives blocks over a socket and judges them for itself.
 
 A message is a count of frames, then each frame behind its length (both 4 bytes, big-endian):
-the block, its records, the payloads of its transactions in their order. The answer is one
-frame: ``=`` and the new head's hash, or ``!`` and why the block was refused.
+the block, its records, an empty frame, and the blobs of its transactions in their order. The
+answer is one frame: ``=`` and the new head's hash, or ``!`` and why the block was refused.
 """
 
 import os
@@ -30,6 +30,7 @@ from vrchain.paths import ROOT
 MAX_FRAMES = 1 << 16
 MAX_MESSAGE_BYTES = MAX_PAYLOAD_BYTES + 16 * MAX_RECORD_BYTES
 _COUNT_BYTES = 4
+_NO_MORE = b""  # no record is empty
 _ACCEPTED, _REFUSED = b"=", b"!"
 _RUN = "import sys; from vrchain.ledger.peer import serve; serve(int(sys.argv[1]))"
 
@@ -58,11 +59,13 @@ class PeerProcess:
             raise
 
     def send(self, block: Block, records: Sequence[Record], *payloads: bytes) -> bytes:
-        """Send a block, its records and their payloads; the peer's new head hash, 32 bytes.
+        """Send a block, its records and their blobs; the peer's new head hash, 32 bytes.
+
+        ``payloads``: each transaction's panorama, and its landmark record if it names one.
 
         Raises PeerRefusedError with the peer's reason, PeerError when it does not answer.
         """
-        frames = [block.record, *(record.record for record in records), *payloads]
+        frames = [block.record, *(r.record for r in records), _NO_MORE, *payloads]
         try:
             _send(self._socket, frames)
             answer = _receive(self._socket)
@@ -117,15 +120,14 @@ def accept(chain: Chain | None, frames: Sequence[bytes]) -> Chain:
     Raises EncodingError, RecordError, PayloadDigestError or an InvalidError kind; then
     ``chain`` is as before.
     """
-    if not frames:
-        raise EncodingError("expected a block, got an empty message")
+    if _NO_MORE not in frames[1:]:
+        raise EncodingError(f"expected a block and its records, got {len(frames)} frames")
+    end = frames.index(_NO_MORE, 1)
     block = Block.decode(frames[0])
-    count = len(block.records)
-    records = tuple(decode_record(frame) for frame in frames[1 : 1 + count])
-    payloads = frames[1 + count :]
-    named = [record.payload_digest for record in records if isinstance(record, Transaction)]
-    if named != [digest(payload) for payload in payloads]:
-        raise PayloadDigestError(f"the payloads are not those that the records of {block} name")
+    records = tuple(decode_record(frame) for frame in frames[1:end])
+    named = [blob for record in records if isinstance(record, Transaction) for blob in record.blobs]
+    if named != [digest(blob) for blob in frames[end + 1 :]]:
+        raise PayloadDigestError(f"the blobs are not those that the records of {block} name")
     if chain is None:
         return Chain(Entry(block, records))
     chain.append(block, records)

@@ -4,11 +4,13 @@ The signature is over the body. The id is the SHA-256 of the whole record, signa
 included, so that a head hash pins every stored byte. Nobody but the signer can make a
 second valid signature for a body; a signer who does makes a second id for one sequence
 number, which the chain refuses as a replay.
+
+Records never change, so each keeps its bytes once they are made or read, and the key for
+which its signature was once found to hold.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from itertools import pairwise
 from typing import Any, ClassVar, Self
 
 from vrchain.ledger.encoding import (
@@ -20,10 +22,10 @@ from vrchain.ledger.encoding import (
     encode,
     split,
 )
-from vrchain.ledger.errors import EncodingError, RecordError, SignatureError
+from vrchain.ledger.errors import EncodingError, SignatureError
 from vrchain.ledger.keys import SIGNATURE_BYTES, PublicKey, SigningKey
 
-SIGNED_DOMAIN = "vrchain/1/signed"
+SIGNED_DOMAIN = "vrchain/2/signed"
 
 
 @dataclass(frozen=True)
@@ -52,14 +54,19 @@ class SignedRecord:
 
     def signed(self, key: SigningKey) -> Self:
         """A copy that carries ``key``'s signature of the body."""
-        copy = replace(self, signature=key.sign(self.body))
-        copy.__dict__["body"] = self.body  # the same bytes: encode them once
+        copy = object.__new__(type(self))  # the same fields, checked already, and the same body
+        copy.__dict__.update(self.__dict__, body=self.body, signature=key.sign(self.body))
+        for name in ("record", "id", "_accepted_by"):
+            copy.__dict__.pop(name, None)
         return copy
 
     def check_signature(self, signer: str, public: PublicKey) -> None:
         """Raise SignatureError unless the signature is that of ``signer``'s public key."""
+        if self.__dict__.get("_accepted_by") == public.raw:
+            return
         if not public.accepts(self.body, self.signature):
             raise SignatureError(f"{self} does not carry a valid signature by {signer}")
+        self.__dict__["_accepted_by"] = public.raw
 
     @classmethod
     def decode(cls, data: bytes) -> Self:
@@ -86,10 +93,6 @@ def decode_signed(data: bytes, kinds: dict[str, type[SignedRecord]]) -> SignedRe
     domain, fields = split(body)
     if domain not in kinds:
         raise EncodingError(f"expected a record of {' or '.join(kinds)}, got {domain!r:.80}")
-    return kinds[domain]._from_fields(fields, signature)
-
-
-def check_sorted_names(what: str, names: list[str]) -> None:
-    """Raise RecordError unless ``names`` are sorted and no name comes twice."""
-    if any(first >= second for first, second in pairwise(names)):
-        raise RecordError(f"{what}: expected names sorted, each once, got {names!r:.200}")
+    record = kinds[domain]._from_fields(fields, signature)
+    record.__dict__.update(body=body, record=data)  # what decodes is canonical
+    return record

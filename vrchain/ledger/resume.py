@@ -1,50 +1,87 @@
-"""Going on from a stored ledger: the head's state, without reading the whole history."""
+"""Going on from a stored ledger, without judging the whole history again."""
 
 import sqlite3
+from collections.abc import Iterator
 
-from vrchain.ledger.database import checked_record, last_height, read_entry, read_record
+from vrchain.ledger.block import Block, Entry, Record, records_root
+from vrchain.ledger.database import (
+    last_height,
+    newest_transaction,
+    operator_records,
+    read_entries,
+    read_entry,
+)
 from vrchain.ledger.durable import storage_errors
-from vrchain.ledger.errors import DamagedError
+from vrchain.ledger.errors import DamagedError, InvalidError
 from vrchain.ledger.keys import PublicKey
-from vrchain.ledger.membership import Enrolment, Genesis
-from vrchain.ledger.transaction import Transaction
-from vrchain.ledger.validity import State, newest_table
+from vrchain.ledger.membership import Enrolment, Expulsion, Genesis
+from vrchain.ledger.table import Table
+from vrchain.ledger.transaction import NO_TRANSACTION, Transaction
+from vrchain.ledger.validity import State, table_of
 
 
 def read_state(db: sqlite3.Connection) -> State:
-    """The state at the newest block, from the operator's records and the block's own table.
+    """The state at the newest block.
 
-    Every record read is checked against its id, but what came before is not judged again.
-    Raises DamagedError, StorageError.
+    Every record read is checked against its id, and what they come to against the block's
+    root; what came before is not judged again. Raises DamagedError, StorageError.
     """
     with storage_errors("reading the head"):
         db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
         try:
-            return _read_state(db)
+            return _state_at(db, last_height(db))
         finally:
             if db.in_transaction:
                 db.execute("ROLLBACK")
 
 
-def _read_state(db: sqlite3.Connection) -> State:
-    head = read_entry(db, last_height(db)).block
-    genesis, enrolments = _operator_records(db)
+def read_whole_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entry]:
+    """As ``read_entries``, each block with its table, and both roots checked. DamagedError too."""
+    table: Table | None = None
+    for block, records in read_entries(db, start, stop):
+        table = _table_after(table, records) if table else _state_at(db, block.height).table
+        _learn(block, table)
+        if records_root(records) != block.records_root:
+            raise DamagedError(f"{block} lists other records than are stored; run verify")
+        yield Entry(block, records)
+
+
+def _table_after(table: Table, records: tuple[Record, ...]) -> Table:
+    for record in records:
+        match record:
+            case Transaction() if record.robot in table:
+                table = table.replaced(record.robot, record.id)
+            case Enrolment():
+                table = Table({**dict(table.rows), record.name: NO_TRANSACTION})
+            case Expulsion():
+                table = Table({row[0]: row[1] for row in table.rows if row[0] != record.name})
+            case _:
+                pass  # the root will tell whether that is right
+    return table
+
+
+def _learn(block: Block, table: Table) -> None:
+    try:
+        block.learn(table)
+    except InvalidError as error:
+        raise DamagedError(f"{error}; run verify") from None
+
+
+def _state_at(db: sqlite3.Connection, height: int) -> State:
+    head = read_entry(db, height).block
+    records = operator_records(db, height)
+    if not records or not isinstance(records[0], Genesis):
+        raise DamagedError("expected a genesis record before all others; run verify")
+    genesis, later = records[0], records[1:]
     members: dict[str, PublicKey] = dict(genesis.members)
-    members.update((record.name, record.public_key) for record in enrolments)
-    newest: dict[str, Transaction | None] = dict.fromkeys(members)
-    for robot, transaction_id in head.newest:
-        record = read_record(db, transaction_id) if any(transaction_id) else None
-        newest[robot] = record if isinstance(record, Transaction) else None
-    if newest_table(newest) != head.newest:
-        raise DamagedError(f"block {head.height} does not go with the stored records; run verify")
-    return State(genesis, head, members, newest, len(enrolments))
-
-
-def _operator_records(db: sqlite3.Connection) -> tuple[Genesis, list[Enrolment]]:
-    query = "SELECT id, record FROM records WHERE robot IS NULL ORDER BY height, position"
-    records = [checked_record(data, record_id) for record_id, data in db.execute(query)]
-    enrolments = [record for record in records if isinstance(record, Enrolment)]
-    genesis = records[0] if records else None
-    if not isinstance(genesis, Genesis) or len(enrolments) != len(records) - 1:
-        raise DamagedError("expected one genesis record, then enrolments; run verify")
-    return genesis, enrolments
+    expelled = set()
+    for record in later:
+        if isinstance(record, Enrolment):
+            members[record.name] = record.public_key
+        elif isinstance(record, Expulsion):
+            members.pop(record.name, None)
+            expelled.add(record.name)
+    newest = {robot: newest_transaction(db, robot, height) for robot in members}
+    state = State(genesis, head, members, frozenset(expelled), newest, table_of(newest), len(later))
+    _learn(head, state.table)
+    return state

@@ -1,38 +1,43 @@
-"""The ledger on disk: records in SQLite, payloads in files, nothing acknowledged ever lost."""
+"""The ledger on disk: records in SQLite, blobs in files, nothing acknowledged ever lost."""
 
 import contextlib
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from vrchain.ledger.blobs import BlobStore
-from vrchain.ledger.block import Block, Entry
+from vrchain.ledger.block import Block, Entry, Record
 from vrchain.ledger.chain import Chain, genesis_entry
 from vrchain.ledger.database import (
+    all_records,
     checked_record,
     connect,
-    hash_at,
+    find_transaction,
     insert_entry,
     last_height,
-    read_entry,
+    news,
+    read_entries,
     read_record,
 )
 from vrchain.ledger.durable import storage_errors
-from vrchain.ledger.encoding import check_payload, digest
 from vrchain.ledger.errors import (
     DamagedError,
+    DroppedError,
     InvalidError,
     NotFoundError,
-    PayloadDigestError,
     ReadOnlyError,
 )
 from vrchain.ledger.folder import create_folder
 from vrchain.ledger.keys import PublicKey, SigningKey
-from vrchain.ledger.membership import OPERATOR, Enrolment, Genesis
-from vrchain.ledger.resume import read_state
-from vrchain.ledger.transaction import Transaction
+from vrchain.ledger.membership import MAX_DROPPED, OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.proof import Proof
+from vrchain.ledger.resume import read_state, read_whole_entries
+from vrchain.ledger.retention import is_dropped, old_blobs, stored_to_keep
+from vrchain.ledger.transaction import Offer, Transaction, blob_digest
+from vrchain.ledger.validity import State
 
 BLOBS_NAME = "blobs"
 Lap = Callable[[str], object]
@@ -53,10 +58,11 @@ class Ledger:
         self._blobs = BlobStore(folder / BLOBS_NAME)
         self._db = connect(folder, writable, wait_s)
         try:
-            self._chain = Chain.at(read_state(self._db))
+            self._chain = Chain.at(read_state(self._db), self._find)
         except BaseException:
             self._db.close()
             raise
+        self._newest = self._chain.state.newest  # beside the chain, so that ``latest`` is quick
 
     @classmethod
     def create(
@@ -120,27 +126,46 @@ class Ledger:
         return self._chain.members
 
     @property
+    def expelled(self) -> frozenset[str]:
+        """Names that were members; none of them comes back."""
+        return self._chain.state.expelled
+
+    @property
     def robots(self) -> tuple[str, ...]:
         """The members' names, sorted."""
-        return tuple(robot for robot, _ in self.head.newest)
+        return tuple(sorted(self._newest))
 
     def latest(self, robot: str) -> Transaction | None:
         """The robot's newest transaction that this handle saw, None before its first.
 
-        Raises UnknownMemberError.
+        Raises UnknownMemberError, ExpelledMemberError.
         """
-        return self._chain.latest(robot)
+        try:
+            return self._newest[robot]
+        except KeyError:
+            raise self._chain.state.not_a_member(robot) from None
 
     def history(self, robot: str) -> list[Transaction]:
-        """The robot's transactions up to ``head``, oldest first. UnknownMemberError."""
-        last = self.latest(robot)
-        count = last.sequence + 1 if last else 0
-        query = "SELECT id, record FROM records WHERE robot = ? AND sequence < ? ORDER BY sequence"
+        """The robot's transactions up to ``head``, oldest first; an expelled one's too.
+
+        Raises UnknownMemberError, DamagedError.
+        """
+        state = self._chain.state
+        if robot not in state.newest and robot not in state.expelled:
+            raise state.not_a_member(robot)
+        query = (
+            "SELECT id, record FROM records WHERE robot = ? AND height <= ? "
+            "ORDER BY height, position"
+        )
         with storage_errors(f"reading the history of {robot}"):
-            rows = self._db.execute(query, (robot, count)).fetchall()
+            rows = self._db.execute(query, (robot, self.head.height)).fetchall()
         found = [checked_record(data, record_id) for record_id, data in rows]
         transactions = [record for record in found if isinstance(record, Transaction)]
-        if [t.sequence for t in transactions if t.robot == robot] != list(range(count)):
+        ends_well = robot in state.expelled or transactions[-1:] == [
+            last for last in [state.newest[robot]] if last
+        ]
+        numbers = [t.sequence for t in transactions if t.robot == robot]
+        if not ends_well or numbers != list(range(len(rows))):
             raise DamagedError(f"the history of {robot} is not whole; run verify")
         return transactions
 
@@ -152,21 +177,56 @@ class Ledger:
         return record
 
     def payload(self, payload_digest: bytes) -> bytes:
-        """The payload with this digest, checked. NotFoundError, DamagedError."""
+        """The blob (panorama or landmark record) with this digest, checked.
+
+        Raises NotFoundError, DroppedError if the operator let it go, DamagedError.
+        """
         with storage_errors("reading a payload"):
-            return self._blobs.get(payload_digest)
+            try:
+                return self._blobs.get(payload_digest)
+            except NotFoundError:
+                if not is_dropped(self._db, payload_digest):
+                    raise
+        raise DroppedError(f"the payload {payload_digest.hex()} was dropped by the operator")
 
     def entry(self, height: int) -> Entry:
         """The block at ``height`` and its records. NotFoundError, DamagedError."""
-        return read_entry(self._db, height)
+        return next(read_whole_entries(self._db, height, height + 1))
 
     def entries(self, from_height: int = 0) -> Iterator[Entry]:
         """Blocks with their records from ``from_height`` to ``head``. DamagedError."""
-        return (self.entry(height) for height in range(from_height, self.head.height + 1))
+        return read_whole_entries(self._db, from_height, self.head.height + 1)
 
     def blocks(self, from_height: int = 0) -> Iterator[Block]:
         """Blocks from ``from_height`` to ``head``. DamagedError."""
         return (entry.block for entry in self.entries(from_height))
+
+    def follow(self, from_height: int, wait_s: float, poll_s: float = 0.01) -> Iterator[Entry]:
+        """As ``entries``, and then those that others append, each as it comes.
+
+        Ends when nothing new has come for ``wait_s``; looks every ``poll_s``.
+        """
+        patience = round(wait_s / poll_s)
+        looks = 0
+        while looks <= patience:
+            for entry in self.entries(from_height):
+                from_height, looks = entry.block.height + 1, 0
+                yield entry
+            if self.refresh() == 0:
+                looks += 1
+                time.sleep(poll_s)
+
+    def proof(self, transaction: Transaction) -> Proof:
+        """What shows a robot that knows no more than ``head``'s hash that this is in its table.
+
+        Raises NotFoundError unless the transaction is its robot's newest.
+        """
+        if self.latest(transaction.robot) != transaction:
+            raise NotFoundError(
+                f"expected the newest transaction of {transaction.robot} to prove, got "
+                f"{transaction}; each names the one before it"
+            )
+        return Proof(self.head.record, self._chain.state.table.path(transaction.robot))
 
     def refresh(self) -> int:
         """Take in what other processes appended, each block judged; how many there were.
@@ -174,14 +234,17 @@ class Ledger:
         Raises DamagedError when what is stored does not go on from what this handle saw.
         """
         head = self.head
-        last = last_height(self._db)
-        if hash_at(self._db, head.height) != head.hash:
+        found = news(self._db, head.height)
+        if found[:1] != [(head.height, head.hash)]:
             raise DamagedError(f"block {head.height} was {head.hash.hex()}; it is not there now")
-        for height in range(head.height + 1, last + 1):
+        if len(found) == 1:
+            return 0
+        last = last_height(self._db)
+        for block, records in read_entries(self._db, head.height + 1, last + 1):
             try:
-                self._chain.append(*self.entry(height))
+                self._go_to(self._chain.check(block, records))
             except InvalidError as error:
-                raise DamagedError(f"block {height} is not valid: {error}") from None
+                raise DamagedError(f"block {block.height} is not valid: {error}") from None
         return last - head.height
 
     def publish(
@@ -192,45 +255,70 @@ class Ledger:
         reason: str,
         timestamp_ns: int,
         lap: Lap = lambda stage: None,
+        *,
+        landmarks: bytes | None = None,
     ) -> Transaction:
         """Sign a transaction for ``payload``, append it in a block by ``robot``; durable then.
 
+        ``landmarks``: the landmark record, stored beside the payload.
         ``lap(stage)`` is called after each stage (hash, encode, sign, validate,
         append_durable, append_memory; some come twice), for a stopwatch.
         Raises InvalidError kinds, RecordError, TooLargeError, StorageError kinds,
         ReadOnlyError, LedgerBusyError; then nothing has changed.
         """
-        check_payload(payload)
-        payload_digest = digest(payload)
+        payload_digest, landmarks_digest = blob_digest(payload), blob_digest(landmarks)
+        blobs = {payload_digest: payload}
+        if landmarks is not None:
+            blobs[landmarks_digest] = landmarks
         lap("hash")
         with self._writing():
             lap("append_durable")
-            draft = self._chain.draft_transaction(robot, payload_digest, reason, timestamp_ns)
+            draft = self._chain.draft_transaction(
+                robot, payload_digest, reason, timestamp_ns, landmarks_digest
+            )
             assert draft.body
             lap("encode")
             transaction = draft.signed(key)
             lap("sign")
-            self._append((transaction,), {payload_digest: payload}, robot, key, lap)
+            self._append((transaction,), blobs, robot, key, lap)
         return transaction
 
     def draft_transaction(
-        self, robot: str, payload: bytes, reason: str, timestamp_ns: int
+        self,
+        robot: str,
+        payload: bytes,
+        reason: str,
+        timestamp_ns: int,
+        landmarks: bytes | None = None,
     ) -> Transaction:
         """The robot's next transaction after ``head``, for it to sign: ``draft.signed(key)``."""
-        return self._chain.draft_transaction(robot, digest(payload), reason, timestamp_ns)
+        digests = blob_digest(payload), blob_digest(landmarks)
+        return self._chain.draft_transaction(robot, digests[0], reason, timestamp_ns, digests[1])
 
     def append(
-        self, transaction: Transaction, payload: bytes, author: str, key: SigningKey
+        self,
+        transaction: Transaction,
+        payload: bytes,
+        author: str,
+        key: SigningKey,
+        landmarks: bytes | None = None,
     ) -> Block:
         """Append a transaction that its robot signed elsewhere, in a block by ``author``.
 
-        Raises as ``publish``, and PayloadDigestError for another payload than it names.
+        Raises as ``publish``, and PayloadDigestError for other blobs than it names.
         """
-        check_payload(payload)
-        if digest(payload) != transaction.payload_digest:
-            raise PayloadDigestError(f"the payload is not the one that {transaction} names")
+        return self.append_many([Offer(transaction, payload, landmarks)], author, key)
+
+    def append_many(self, offers: Sequence[Offer], author: str, key: SigningKey) -> Block:
+        """Append transactions that their robots signed, all in one block by ``author``.
+
+        All or none. Raises as ``publish``.
+        """
+        blobs: dict[bytes, bytes] = {}
+        for offer in offers:
+            blobs |= offer.blobs
         with self._writing():
-            self._append((transaction,), {transaction.payload_digest: payload}, author, key)
+            self._append([offer.transaction for offer in offers], blobs, author, key)
         return self.head
 
     def enrol(
@@ -238,30 +326,88 @@ class Ledger:
     ) -> Enrolment:
         """Take in a new member; only the operator's key can. Raises as ``publish``."""
         with self._writing():
-            draft = self._chain.draft_enrolment(name, public_key, timestamp_ns)
-            enrolment = draft.signed(operator)
-            self._append((enrolment,), {}, OPERATOR, operator)
-        return enrolment
+            record = self._chain.draft_enrolment(name, public_key, timestamp_ns).signed(operator)
+            self._append((record,), {}, OPERATOR, operator)
+        return record
+
+    def expel(self, name: str, operator: SigningKey, timestamp_ns: int) -> Expulsion:
+        """End a membership for ever; only the operator's key can. Raises as ``publish``."""
+        with self._writing():
+            record = self._chain.draft_expulsion(name, timestamp_ns).signed(operator)
+            self._append((record,), {}, OPERATOR, operator)
+        return record
+
+    def drop(self, blobs: Sequence[bytes], operator: SigningKey, timestamp_ns: int) -> Drop:
+        """Let these blobs go: first the operator's record of it, then the files.
+
+        Raises as ``publish``, DropError for a blob of some robot's newest transaction, and
+        NotFoundError for one that is not kept (any more).
+        """
+        with self._writing():
+            unknown = set(blobs) - stored_to_keep(self._db)
+            if unknown:
+                raise NotFoundError(f"the ledger keeps no blob {min(unknown).hex()} to drop")
+            record = self._chain.draft_drop(blobs, timestamp_ns).signed(operator)
+            self._append((record,), {}, OPERATOR, operator)
+        self._remove_unneeded(record.blobs)
+        return record
+
+    def drop_old(self, keep: int, operator: SigningKey, timestamp_ns: int) -> list[Drop]:
+        """Drop what none of any robot's ``keep`` (at least 1) newest transactions names.
+
+        The records of it: none when nothing is old, several when much is. Raises as ``drop``.
+        """
+        old = old_blobs(all_records(self._db), max(keep, 1))
+        parts = [old[start : start + MAX_DROPPED] for start in range(0, len(old), MAX_DROPPED)]
+        return [self.drop(part, operator, timestamp_ns) for part in parts]
+
+    def clean(self) -> int:
+        """Remove blobs that no record needs, and files never finished; how many there were.
+
+        A writer that is killed between blob and record leaves one transaction's. It holds the
+        write lock, so that no other writer is between the two. Raises as ``publish``.
+        """
+        with self._writing(), storage_errors(f"cleaning {self.folder}"):
+            kept = stored_to_keep(self._db)
+            orphans = [path for path, blob in self._blobs.files() if blob not in kept]
+            for path in orphans:
+                path.unlink()
+        return len(orphans)
+
+    def _remove_unneeded(self, blobs: Sequence[bytes]) -> None:
+        """Under the lock, since another writer may have published the same bytes again."""
+        with self._writing():
+            kept = stored_to_keep(self._db)
+            for blob in blobs:
+                if blob not in kept:
+                    self._blobs.remove(blob)
 
     def _append(
         self,
-        records: Sequence[Transaction | Enrolment],
-        payloads: Mapping[bytes, bytes],
+        records: Sequence[Record],
+        blobs: Mapping[bytes, bytes],
         author: str,
         key: SigningKey,
         lap: Lap = lambda stage: None,
     ) -> None:
-        draft = self._chain.draft_block(records, author)
+        after = self._chain.take(records, author, key.public)
+        lap("validate")
+        draft = self._chain.draft_block(after, records, author)
         assert draft.body
         lap("encode")
         block = draft.signed(key)
         lap("sign")
-        state = self._chain.check(block, records)
-        lap("validate")
-        self._write(Entry(block, tuple(records)), payloads)
+        self._write(Entry(block, tuple(records)), blobs)
         lap("append_durable")
-        self._chain.advance(state)
+        self._go_to(after._replace(head=block))
         lap("append_memory")
+
+    def _go_to(self, state: State) -> None:
+        self._chain.state = state
+        self._newest = state.newest
+
+    def _find(self, robot: str, sequence: int) -> Transaction | None:
+        return find_transaction(self._db, robot, sequence)
 
     @contextlib.contextmanager
     def _writing(self) -> Iterator[None]:
@@ -277,20 +423,20 @@ class Ledger:
             if self._db.in_transaction:
                 self._db.execute("ROLLBACK")
 
-    def _write(self, entry: Entry, payloads: Mapping[bytes, bytes]) -> None:
-        """Payloads first, then the records that name them, then commit."""
+    def _write(self, entry: Entry, blobs: Mapping[bytes, bytes]) -> None:
+        """Blobs first, then the records that name them, then commit."""
         written: list[bytes] = []
         with storage_errors(f"writing block {entry.block.height} to {self.folder}"):
             try:
-                for payload_digest, payload in payloads.items():
-                    if self._blobs.put(payload_digest, payload):
-                        written.append(payload_digest)
+                for blob, data in blobs.items():
+                    if self._blobs.put(blob, data):
+                        written.append(blob)
                 insert_entry(self._db, entry)
             except BaseException:
                 if self._db.in_transaction:  # a full disk may have ended it
                     self._db.execute("ROLLBACK")
-                for payload_digest in written:
-                    self._blobs.remove(payload_digest)
+                for blob in written:
+                    self._blobs.remove(blob)
                 raise
-            # A commit that fails may yet be on disk after a crash, so its payloads stay.
+            # A commit that fails may yet be on disk after a crash, so its blobs stay.
             self._db.execute("COMMIT")

@@ -9,10 +9,11 @@ from pathlib import Path
 from vrchain.errors import LedgerError
 from vrchain.ledger.blobs import BlobStore
 from vrchain.ledger.block import Entry
-from vrchain.ledger.database import connect, last_height, read_entry
+from vrchain.ledger.database import connect, last_height, read_entries
 from vrchain.ledger.durable import storage_errors
 from vrchain.ledger.errors import DamagedError, NotALedgerError
 from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.membership import Drop
 from vrchain.ledger.store import BLOBS_NAME
 from vrchain.ledger.transaction import Transaction
 from vrchain.ledger.validity import State, start_or_follow
@@ -24,12 +25,14 @@ class Verification:
 
     ``first_bad_block``: its height, None when all are good, or when the blocks are good but
     something beside them is not. ``reason``: what is wrong, empty when ``ok``.
+    ``dropped``: how many blobs need not be there any more, by the operator's records.
     """
 
     ok: bool
     blocks: int
     first_bad_block: int | None
     reason: str
+    dropped: int = 0
 
 
 def verify(
@@ -37,7 +40,7 @@ def verify(
     expected_head: bytes | None = None,
     progress: Callable[[int, int], object] = lambda done, total: None,
 ) -> Verification:
-    """Read everything in ``folder`` again; recompute every hash, signature and payload digest.
+    """Read everything in ``folder`` again; recompute every hash, signature and blob digest.
 
     ``expected_head``: a block hash known from elsewhere that must be in the chain; without
     one, a ledger whose last blocks were cut off cleanly is a good, shorter ledger.
@@ -66,19 +69,22 @@ def _verify(
     state: State | None = None
     height = 0
     known = expected_head is None
+    audit = _Audit(blobs)
     try:
         with storage_errors("reading the ledger"):
             db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
         total = last_height(db) + 1
-        while height < max(total, 1):
-            entry = read_entry(db, height)
+        for entry in read_entries(db, 0, max(total, 1)):
             state = start_or_follow(state, entry)
-            _check_payloads(entry, blobs)
+            audit.take(entry)
             known = known or entry.block.hash == expected_head
             height += 1
             progress(height, total)
     except LedgerError as error:
         return Verification(False, height, height, str(error))
+    if audit.missing:
+        bad, reason = min(audit.missing.values())
+        return Verification(False, bad, bad, reason)
     if not known:
         reason = "the known head is not in the chain: its end was cut off or rewritten"
         return Verification(False, height, height, reason)
@@ -86,14 +92,37 @@ def _verify(
         _check_rest(db, height)
     except LedgerError as error:
         return Verification(False, height, None, str(error))
-    return Verification(True, height, None, "")
+    return Verification(True, height, None, "", len(audit.dropped))
 
 
-def _check_payloads(entry: Entry, blobs: BlobStore) -> None:
-    for record in entry.records:
-        if isinstance(record, Transaction):
-            with storage_errors(f"reading the payload of {record}"):
-                blobs.check(record.payload_digest)
+class _Audit:
+    """Which blobs are not there whole. Only a later drop excuses that, so judge at the end.
+
+    ``missing``: (height of the block that names it, what is wrong), by digest.
+    """
+
+    def __init__(self, blobs: BlobStore) -> None:
+        self._blobs = blobs
+        self.missing: dict[bytes, tuple[int, str]] = {}
+        self.dropped: set[bytes] = set()
+
+    def take(self, entry: Entry) -> None:
+        for record in entry.records:
+            if isinstance(record, Transaction):
+                for blob in record.blobs:
+                    self.dropped.discard(blob)
+                    self._check(blob, entry.block.height)
+            elif isinstance(record, Drop):
+                self.dropped.update(record.blobs)
+                for blob in record.blobs:
+                    self.missing.pop(blob, None)
+
+    def _check(self, blob: bytes, height: int) -> None:
+        try:
+            with storage_errors("reading a payload"):
+                self._blobs.get(blob)
+        except LedgerError as error:
+            self.missing.setdefault(blob, (height, str(error)))
 
 
 def _check_rest(db: sqlite3.Connection, blocks: int) -> None:

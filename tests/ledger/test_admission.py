@@ -1,0 +1,188 @@
+"""Admission: what is taken in here and now, each refusal of its own kind, nobody charged for it."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from ledgers import KEYS, OPERATOR_KEY, new_ledger
+
+from vrchain.ledger import Admission, Ledger, Limits, Transaction, errors, verify
+from vrchain.ledger.keys import PublicKey
+
+SECOND = 1_000_000_000
+
+
+class Clock:
+    """A clock that a test sets."""
+
+    def __init__(self) -> None:
+        self.now_ns = 1000 * SECOND
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+@pytest.fixture
+def ledger(tmp_path: Path) -> Iterator[Ledger]:
+    with new_ledger(tmp_path / "ledger") as made:
+        yield made
+
+
+@pytest.fixture
+def clock() -> Clock:
+    return Clock()
+
+
+def door(ledger: Ledger, clock: Clock, **limits: int | float) -> Admission:
+    return Admission(ledger, clock, Limits(**limits))  # type: ignore[arg-type]
+
+
+def chain_of(ledger: Ledger, clock: Clock, count: int, robot: str = "R1") -> list[Transaction]:
+    """The robot's next transactions, each naming the one before, for b"payload"."""
+    found: list[Transaction] = []
+    draft = ledger.draft_transaction(robot, b"payload", "view", clock.now_ns)
+    for _ in range(count):
+        found.append(draft.signed(KEYS[robot]))
+        draft = replace(draft, sequence=draft.sequence + 1, previous=found[-1].id)
+    return found
+
+
+def test_what_is_admitted_comes_into_one_block(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock, block_delay_ns=SECOND)
+    assert not admission.due()
+    sent = [*chain_of(ledger, clock, 2, "R1"), *chain_of(ledger, clock, 1, "R2")]
+    assert [admission.admit(t.record, b"payload") for t in sent] == sent
+    assert not admission.due()
+    clock.now_ns += SECOND
+    assert admission.due()
+    block = ledger.append_many(admission.take(), "R2", KEYS["R2"])
+    assert (block.height, block.author) == (1, "R2")
+    assert (ledger.latest("R1"), ledger.latest("R2")) == (sent[1], sent[2])
+    assert not admission.due()
+    assert admission.take() == []
+    assert verify(ledger.folder).ok
+
+
+def test_a_block_is_due_when_enough_wait(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock, block_length=2)
+    sent = chain_of(ledger, clock, 3)
+    admission.admit(sent[0].record, b"payload")
+    assert not admission.due()
+    for transaction in sent[1:]:
+        admission.admit(transaction.record, b"payload")
+        assert admission.due()
+    assert [offer.transaction for offer in admission.take()] == sent[:2]
+    assert [offer.transaction for offer in admission.take()] == sent[2:]
+
+
+def test_each_refusal_has_its_kind_and_leaves_nothing(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock, blob_bytes=100, skew_ns=SECOND, burst=1)
+    good = chain_of(ledger, clock, 2)
+    draft = ledger.draft_transaction("R1", b"payload", "view", clock.now_ns)
+    refused: list[tuple[type[errors.LedgerError], bytes, bytes, bytes | None]] = [
+        (errors.InputLimitError, bytes(3000), b"payload", None),
+        (errors.InputLimitError, good[0].record, bytes(101), None),
+        (errors.InputLimitError, good[0].record, bytes(60), bytes(60)),
+        (errors.EncodingError, b"garbage", b"payload", None),
+        (errors.EncodingError, ledger.head.record, b"payload", None),
+        (errors.SignatureError, draft.signed(KEYS["R2"]).record, b"payload", None),
+        (errors.SequenceGapError, good[1].record, b"payload", None),
+        (errors.PayloadDigestError, good[0].record, b"another", None),
+        (errors.PayloadDigestError, good[0].record, b"payload", b"landmarks"),
+    ]
+    for kind, changes in (
+        (errors.UnknownMemberError, {"robot": "R3"}),
+        (errors.WrongLedgerError, {"ledger_id": bytes(32)}),
+        (errors.ClockSkewError, {"timestamp_ns": clock.now_ns + SECOND + 1}),
+        (errors.ClockSkewError, {"timestamp_ns": clock.now_ns - SECOND - 1}),
+        (errors.BrokenLinkError, {"previous": b"x" * 32}),
+    ):
+        changed = replace(draft, **changes).signed(KEYS["R1"])  # type: ignore[arg-type]
+        refused.append((kind, changed.record, b"payload", None))
+    for kind, record, payload, landmarks in refused:
+        with pytest.raises(errors.LedgerError) as raised:
+            admission.admit(record, payload, landmarks)
+        assert type(raised.value) is kind
+    admission.admit(good[0].record, b"payload")  # the one token of the burst is still there
+    with pytest.raises(errors.RateLimitError):
+        admission.admit(good[1].record, b"payload")
+    assert [offer.transaction for offer in admission.take()] == good[:1]
+
+
+def test_nobody_can_use_up_anothers_rate(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock, burst=2, rate_per_s=1.0)
+    forged = ledger.draft_transaction("R1", b"payload", "view", clock.now_ns).signed(KEYS["R2"])
+    for _ in range(100):
+        with pytest.raises(errors.SignatureError):
+            admission.admit(forged.record, b"payload")
+    for transaction in chain_of(ledger, clock, 2):
+        admission.admit(transaction.record, b"payload")
+
+
+def test_the_rate_comes_back_with_time(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock, burst=2, rate_per_s=0.5)
+    sent = chain_of(ledger, clock, 6)
+    accepted = []
+    for transaction in sent[:3]:
+        try:
+            accepted.append(admission.admit(transaction.record, b"payload"))
+        except errors.RateLimitError:
+            clock.now_ns += 2 * SECOND
+            accepted.append(admission.admit(transaction.record, b"payload"))
+    assert accepted == sent[:3]
+    clock.now_ns -= SECOND  # a clock that is set back earns nothing
+    with pytest.raises(errors.RateLimitError):
+        admission.admit(sent[3].record, b"payload")
+    clock.now_ns += 55 * SECOND  # a long rest fills no more than the burst
+    for transaction in sent[3:5]:
+        admission.admit(transaction.record, b"payload")
+    with pytest.raises(errors.RateLimitError):
+        admission.admit(sent[5].record, b"payload")
+
+
+def test_the_queue_is_bounded(ledger: Ledger, clock: Clock) -> None:
+    sent = chain_of(ledger, clock, 3)
+    for limits in ({"queue_length": 2}, {"queue_bytes": 20}):
+        admission = door(ledger, clock, **limits)
+        for transaction in sent[:2]:
+            admission.admit(transaction.record, b"payload")
+        with pytest.raises(errors.QueueFullError):
+            admission.admit(sent[2].record, b"payload")
+        admission.take()
+        assert admission._queued_bytes == 0
+
+
+def test_cheap_refusals_cost_no_signature(
+    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    admission = door(ledger, clock, burst=1)
+    sent = chain_of(ledger, clock, 2)
+    admission.admit(sent[0].record, b"payload")
+    verified: list[bytes] = []
+    monkeypatch.setattr(PublicKey, "accepts", lambda *given: verified.append(given[1]))
+    late = replace(sent[1], timestamp_ns=clock.now_ns + 10**15).signed(KEYS["R1"])
+    for record in (bytes(3000), b"garbage", late.record, sent[1].record):
+        with pytest.raises(errors.LedgerError):
+            admission.admit(record, b"payload")
+    assert verified == []
+
+
+def test_an_expelled_robot_is_told_so(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock)
+    (sent,) = chain_of(ledger, clock, 1)
+    ledger.expel("R1", OPERATOR_KEY, 1)
+    with pytest.raises(errors.ExpelledMemberError):
+        admission.admit(sent.record, b"payload")
+
+
+def test_admission_verifies_once_and_append_not_again(
+    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    admission = door(ledger, clock)
+    for transaction in chain_of(ledger, clock, 3):
+        admission.admit(transaction.record, b"payload")
+    verified: list[bytes] = []
+    monkeypatch.setattr(PublicKey, "accepts", lambda *given: verified.append(given[1]))
+    ledger.append_many(admission.take(), "R2", KEYS["R2"])
+    assert verified == []
