@@ -162,6 +162,11 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path) -> None:
         (("reproduce", "--only", "surveys"), "survey, update, retrieval, landmarks, mission"),
         (("reproduce", "survey"), "--only"),
         (("figures", "portrait"), "update_time"),
+        (("scene", "export", SUBURB, "-o", "scene.obj"), ".glb"),
+        (("bench", "render", "none.yaml"), "none.yaml"),
+        (("bench", "render", "--positions", "0"), "1 position"),
+        (("bench", "distinct", SUBURB, "--spacing", "-3"), "above 0 m"),
+        (("bench", "distinct", SUBURB, "--layer", "first"), "middle"),
     ],
 )
 def test_wrong_use(arguments: tuple[object, ...], word: str, tmp_path: Path) -> None:
@@ -189,6 +194,7 @@ def test_a_disk_without_room(full_disk: Path, image: Path) -> None:
         ("landmarks", image, image, "-o", full_disk / "out.png"),
         ("navigate", SUBURB, "-o", full_disk / "out"),
         ("scene", "map", SUBURB, "-o", full_disk / "map.png"),
+        ("scene", "export", SUBURB, "-o", full_disk / "scene.glb"),
     ):
         assert "make room" in refused(*arguments)
         assert list(full_disk.rglob("*")) == []

@@ -19,6 +19,7 @@ from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts
 
 EXPECTED = [
+    "barn_map",
     "common_landmarks",
     "landmark_quality",
     "ledger",
@@ -27,6 +28,7 @@ EXPECTED = [
     "retrieval_time",
     "scene_map",
     "table",
+    "team_graph",
     "update_stages",
     "update_time",
 ]

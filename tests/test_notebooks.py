@@ -5,6 +5,7 @@ from pathlib import Path
 
 import nbformat
 import pytest
+from pages import fetched
 from smoke import smoke_results
 
 from vrchain.cli import notebooks
@@ -79,7 +80,8 @@ def test_a_notebook_runs_and_shows_pictures(name: str, tmp_path: Path) -> None:
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in shown)
     assert not [o for o in shown if o.output_type == "error" or o.get("name") == "stderr"]
-    assert (tmp_path / f"{name}.html").stat().st_size > 10_000
+    page = (tmp_path / f"{name}.html").read_text(encoding="utf-8")
+    assert 10_000 < len(page) < 15_000_000 and fetched(page) == []
     assert sorted(p.suffix for p in tmp_path.iterdir()) == [".html", ".ipynb"]
 
 

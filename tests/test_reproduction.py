@@ -58,7 +58,7 @@ def test_any_changed_byte_of_the_survey_is_found(results: Results, tmp_path: Pat
     folder = tmp_path / "ledger"
     shutil.copytree(results.path("survey", "ledger"), folder)
     digest = results.table("survey", "survey").digest[7]
-    blob = folder / "blobs" / digest[:2] / digest[2:]
+    blob = folder / "blobs" / digest
     content = bytearray(blob.read_bytes())
     content[len(content) // 3] ^= 4
     blob.write_bytes(content)

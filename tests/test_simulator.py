@@ -1,3 +1,5 @@
+from functools import cache
+
 import numpy as np
 import pytest
 import worlds
@@ -5,9 +7,11 @@ import worlds
 from vrchain.errors import MissionError, PoseError
 from vrchain.geometry import Pose
 from vrchain.robot import MAX_TURN_RAD_S, Drive, Wander, wander
-from vrchain.scene.model import ROBOT_RADIUS_M, place
+from vrchain.scene import load_scene
+from vrchain.scene.model import ROBOT_RADIUS_M, Scene, place
 from vrchain.seeding import generator
 from vrchain.simulator import SensorNoise, Simulator
+from vrchain.truth import GroundTruth
 
 EXACT = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0)
 GREY = worlds.plain((120, 120, 120))
@@ -189,9 +193,8 @@ print(json.dumps({"digest": digest.hexdigest(), "poses": poses, "lazy": lazy}))
     assert first["lazy"]
 
 
-def wander_about(minutes: float, seed: int) -> Simulator:
-    poses = {"R1": Pose(0, 0), "R2": Pose(-3, 1, 2.0), "R3": Pose(6, -5)}
-    simulator = Simulator(worlds.maze(), poses, seed=seed)
+def wander_about(minutes: float, seed: int, scene: Scene, starts: dict[str, Pose]) -> Simulator:
+    simulator = Simulator(scene, starts, seed=seed)
     draws = {r: generator(seed, "wander", r) for r in simulator.robots}
     states = {r: Wander() for r in simulator.robots}
     for _ in range(int(minutes * 60 / 0.25)):
@@ -202,37 +205,75 @@ def wander_about(minutes: float, seed: int) -> Simulator:
     return simulator
 
 
+def crossings(truth: GroundTruth, path_xy_m: np.ndarray) -> int:
+    """How many rays along and across a robot's way meet anything, by ray casting alone.
+
+    At four heights: from place to place on the middle line and on both sides, and, at every place,
+    straight across the robot.
+    """
+    step = np.diff(path_xy_m, axis=0)
+    moved = np.linalg.norm(step, axis=1) > 1e-9
+    start, step = path_xy_m[:-1][moved], step[moved]
+    left = 0.25 * step[:, ::-1] * (-1, 1) / np.linalg.norm(step, axis=1, keepdims=True)
+    ways = [(start + side * left, step) for side in (-1, 0, 1)] + [(start - left, 2 * left)]
+    met = 0
+    for height_m in (0.1, 0.3, 0.6, 1.0):
+        for origin, direction in ways:
+            origins = np.insert(origin, 2, height_m, axis=1)
+            _, share = truth.cast(origins, np.insert(direction, 2, 0.0, axis=1))
+            met += int((share <= 1).sum())
+    return met
+
+
+@pytest.mark.parametrize("scene", [worlds.walled(), worlds.maze()])
+def test_crossings_are_counted(scene: Scene) -> None:
+    """A straight way that heeds nothing meets the wall at each height; in the maze, something."""
+    path = np.stack([np.linspace(-9, 9, 200), np.full(200, 0.3)], axis=1)
+    assert crossings(GroundTruth(scene), path) >= 12
+    assert crossings(GroundTruth(scene), path[:20]) == 0
+
+
 def check_wandering(simulator: Simulator, minutes: float) -> None:
     for robot in simulator.robots:
         path = simulator.path_xy_m(robot)
         assert simulator.scene.is_free(path).all()
+        assert crossings(simulator.truth, path) == 0
         way_m = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
         assert way_m > 15 * minutes  # it does not hang about
         assert simulator.collisions(robot) <= 0.5 * minutes
 
 
+IN_MAZE = {"R1": Pose(0, 0), "R2": Pose(-3, 1, 2.0), "R3": Pose(6, -5)}
+
+
 def test_wandering_in_a_maze() -> None:
-    check_wandering(wander_about(1.0, seed=0), 1.0)
+    check_wandering(wander_about(1.0, 0, worlds.maze(), IN_MAZE), 1.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(5))
 def test_wandering_in_a_maze_for_long(seed: int) -> None:
-    check_wandering(wander_about(10.0, seed=seed), 10.0)
+    check_wandering(wander_about(10.0, seed, worlds.maze(), IN_MAZE), 10.0)
+
+
+@cache
+def suburb() -> Scene:
+    return load_scene(worlds.ROOT / "scenes" / "suburb.yaml")
+
+
+def wander_about_the_suburb(minutes: float, seed: int) -> Simulator:
+    """Two robots from free places."""
+    places = generator(seed, "starts").uniform(-0.5, 0.5, (200, 2)) * suburb().extent_m
+    first, *others = places[suburb().is_free(places, 1.0)]
+    second = next(xy for xy in others if np.linalg.norm(xy - first) > 2)
+    return wander_about(minutes, seed, suburb(), {"R1": Pose(*first), "R2": Pose(*second)})
+
+
+def test_wandering_in_the_suburb() -> None:
+    check_wandering(wander_about_the_suburb(1.0, 0), 1.0)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(4))
-def test_wandering_in_the_suburb(seed: int) -> None:
-    from vrchain.scene import load_scene
-
-    scene = load_scene(worlds.ROOT / "scenes" / "suburb.yaml")
-    draws = generator(seed, "starts")
-    starts = draws.uniform(-0.5, 0.5, (200, 2)) * scene.extent_m
-    x_m, y_m = starts[scene.is_free(starts, 1.0)][0]
-    simulator = Simulator(scene, {"R1": Pose(x_m, y_m)}, seed=seed)
-    state = Wander()
-    for _ in range(2400):
-        drive, state = wander(simulator.observe("R1"), draws, state)
-        simulator.step({"R1": drive}, 0.25)
-    check_wandering(simulator, 10.0)
+def test_wandering_in_the_suburb_for_long(seed: int) -> None:
+    check_wandering(wander_about_the_suburb(10.0, seed), 10.0)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 import worlds
 
+from vrchain.errors import MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.robot import Drive
 from vrchain.scene.model import ROBOT_RADIUS_M
@@ -138,6 +139,22 @@ def test_looking_gives_the_panorama_of_where_the_robot_is() -> None:
     expected = simulator.renderer.render(simulator.pose("R1"), worlds.SMALL_RIG)
     assert np.array_equal(seen.views, expected.views)
     assert not np.array_equal(seen.views, simulator.renderer.render(start, seen.rig).views)
+
+
+def test_robots_see_each_other_but_not_themselves() -> None:
+    poses = {"R1": Pose(0, 0), "R2": Pose(4, 0, 1.0), "R3": Pose(0, 3, 2.0)}
+    simulator = Simulator(worlds.yard(), poses, seed=0, rig=worlds.SMALL_RIG)
+    assert simulator.others("R2") == {"R1": poses["R1"], "R3": poses["R3"]}
+    seen = simulator.observe("R1", look=True).panorama
+    alone = simulator.renderer.render(poses["R1"], worlds.SMALL_RIG)
+    changed = (seen.views != alone.views).any(axis=-1)
+    ids, _ = simulator.truth.look(poses["R1"], worlds.SMALL_RIG, simulator.others("R1"))
+    assert set(np.unique(ids[ids < -1])) == {-2, -3}
+    assert changed[ids < -1].mean() > 0.9
+    assert changed[ids >= -1].mean() < 0.001
+    assert not changed[4].any()  # behind it is nobody, nor its own body
+    with pytest.raises(MissionError, match="no robot 'R7'"):
+        simulator.others("R7")
 
 
 def test_one_robots_noise_does_not_depend_on_who_else_is_there() -> None:

@@ -1,9 +1,14 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import worlds
 
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
+from vrchain.render import Renderer
+from vrchain.scene.model import Scene, SceneObject, place
+from vrchain.seeding import generator
 from vrchain.truth import SKY, GroundTruth
 
 RIG = CameraRig(n_views=8, width_px=320, height_px=240)
@@ -102,6 +107,45 @@ def test_what_is_hidden_is_not_seen() -> None:
     assert seen.azimuth_deg[scene.index_of("half")] == pytest.approx(expected_deg, abs=0.5)
 
 
+TEAM = {"R5": Pose(6.0, 0.0, np.pi), "R2": Pose(0.0, -3.0)}
+
+
+def test_rays_meet_the_robots_they_are_given() -> None:
+    truth = GroundTruth(worlds.walled(5.5))
+    rays = [[1.0, 0, 0], [0, -2.0, 0], [0, 1.0, 0], [1.0, 0.1, 0]]
+    near = {"R5": Pose(3.0, 0.0, np.pi), "R2": Pose(0.0, -3.0)}
+    object_id, distance = truth.cast([0, 0, 0.15], rays, near)
+    assert object_id.dtype == np.int32 and distance.dtype == np.float32
+    assert object_id.tolist() == [-2, -3, SKY, 1]
+    assert distance[0] == pytest.approx(3.0 - 0.255, abs=1e-4)  # its nose
+    assert distance[1] == pytest.approx((3.0 - 0.25) / 2, abs=0.05)  # a wheel, or between them
+    swapped, _ = truth.cast([0, 0, 0.15], rays, dict(reversed(near.items())))
+    assert swapped.tolist() == [-3, -2, SKY, 1]
+    for nobody in (None, {}):
+        assert truth.cast([0, 0, 0.15], rays, nobody)[0].tolist() == [1, SKY, SKY, 1]
+
+
+def test_a_robot_behind_a_wall_is_not_seen() -> None:
+    truth = GroundTruth(worlds.walled(5.0))
+    object_id, range_m = truth.look(Pose(0, 0), RIG, TEAM)
+    assert set(np.unique(object_id)) == {-3, SKY, 0, 1}
+    plain_id, plain_m = truth.look(Pose(0, 0), RIG)
+    same = object_id != -3
+    assert np.array_equal(object_id[same], plain_id[same])
+    assert np.array_equal(range_m[same], plain_m[same])
+    assert (range_m[~same] < plain_m[~same]).all()
+
+
+def test_robots_hide_things_and_are_none_themselves() -> None:
+    truth = GroundTruth(worlds.world(worlds.box("box", (3.6, 0), (0.2, 0.4, 0.2), GREY)))
+    alone, hidden = (truth.visibility(Pose(0, 0), RIG, r) for r in ({}, {"R2": Pose(3, 0)}))
+    assert alone.visible[1]
+    assert 1 not in hidden.index or hidden.area_deg2[1] < 0.2 * alone.area_deg2[1]
+    assert (hidden.index >= 0).all()
+    _, points = truth.look_along(Pose(0, 0), [0.0], [-0.34 / 1.5], RIG, {"R2": Pose(1.5, 0)})
+    assert points[0, 2] == pytest.approx(0.66, abs=0.1)  # on its flag
+
+
 def test_a_single_camera_sees_only_ahead() -> None:
     ahead, behind = (worlds.box(n, (x, 0), (1, 1, 2), GREY) for n, x in (("a", 5), ("b", -5)))
     truth = GroundTruth(worlds.world(ahead, behind))
@@ -123,3 +167,97 @@ def test_the_whole_sphere_of_a_tunnel_adds_up() -> None:
     top = CameraRig().slope_of_row(-0.5)
     band_deg2 = 360 * np.degrees(2 * np.sin(np.arctan(top)))
     assert seen.area_deg2.sum() == pytest.approx(band_deg2, rel=0.01)
+
+
+# --- cut-outs ---
+
+ONE_VIEW = CameraRig(n_views=1, width_px=640, height_px=480)
+
+
+def card(name: str, picture: np.ndarray, x_m: float, repeats: float = 1.0) -> SceneObject:
+    """An upright 2 x 2 m picture across the x axis, seen from the origin."""
+    corners = [(0, 1, 0), (0, -1, 0), (0, -1, 2), (0, 1, 2)]
+    surface = worlds.quad(corners, picture)
+    surface = replace(surface, uv=surface.uv * np.float32(repeats))
+    return place(name, "card", name, [surface], Pose(x_m, 0), landmark=True)
+
+
+def holed() -> Scene:
+    """A blue card 4 m ahead whose upper left quarter is a hole, and a red wall 4 m behind it."""
+    picture = np.full((8, 8, 4), (*worlds.BLUE, 255), dtype=np.uint8)
+    picture[:4, :4, 3] = 127  # just see-through
+    picture[4:, 4:, 3] = 128  # just not
+    wall = worlds.box("wall", (8.5, 0), (1, 30, 9), worlds.plain(worlds.RED))
+    return worlds.world(card("card", picture, 4.0), wall)
+
+
+def test_a_ray_goes_on_through_a_hole() -> None:
+    scene = holed()
+    truth = GroundTruth(scene)
+    aims = np.array([(4, y, z) for y in (0.5, -0.5) for z in (1.5, 0.5)])
+    object_id, distance = truth.cast([0, 0, 1.0], aims - (0, 0, 1.0))
+    wall, in_front = scene.index_of("wall"), scene.index_of("card")
+    assert object_id.tolist() == [wall, in_front, in_front, in_front]
+    assert distance == pytest.approx([2, 1, 1, 1], abs=1e-5)  # in lengths of the ray
+    _, points = truth.look_along(Pose(0, 0), [np.arctan2(0.5, 4)], [0.5 / np.hypot(0.5, 4)])
+    assert np.allclose(points, (8, 1, 2), atol=1e-4)
+    behind, _ = truth.cast([7.9, 0.5, 1.5], [[-1.0, 0, 0], [-1, -0.25, 0]])  # from the other side
+    assert behind.tolist() == [SKY, in_front]
+
+
+def test_what_is_behind_a_hole_carries_its_own_id_and_shows_its_colour() -> None:
+    scene, pose = holed(), Pose(0, 0)
+    renderer = Renderer(scene)
+    ids, range_m = (view[0] for view in GroundTruth(scene).look(pose, ONE_VIEW))
+    drawn = renderer.segmentation(pose, ONE_VIEW)[0]
+    colour = renderer.render(pose, ONE_VIEW).views[0].astype(int)
+    row, column = 240 - 69, 320 - 69  # the middle of the hole: 0.5 m up and left, 4 m away
+    for dy, dx, name, rgb in (
+        (0, 0, "wall", worlds.RED),
+        (0, 138, "card", worlds.BLUE),
+        (138, 0, "card", worlds.BLUE),
+        (138, 138, "card", worlds.BLUE),
+    ):
+        at = row + dy, column + dx
+        assert ids[at] == drawn[at] == scene.index_of(name)
+        assert np.abs(colour[at] - rgb).max() <= 2
+        assert range_m[at] == pytest.approx(
+            (8 if name == "wall" else 4) * ONE_VIEW.ray_directions()[0][at][0] ** -1, rel=1e-4
+        )
+    assert (ids != drawn).mean() < 1e-4
+    red = np.abs(colour - worlds.RED).max(axis=-1) < 60
+    assert (red == (drawn == scene.index_of("wall"))).mean() > 0.999
+
+
+@pytest.mark.parametrize("repeats", [1.0, 3.3, -1.7])
+def test_layers_of_noise_are_seen_through_alike_by_rays_and_renderer(repeats: float) -> None:
+    draws = generator(0, "cards")
+    pictures = draws.integers(0, 256, (4, 24, 20, 4), dtype=np.uint8)
+    cards = [card(f"card {k}", p, 3.0 + k, repeats) for k, p in enumerate(pictures[:3])]
+    cards.append(card("upright", pictures[3], 7.0))
+    wall = worlds.box("wall", (9.5, 0), (1, 30, 9), worlds.plain(worlds.RED))
+    scene = worlds.world(*cards, wall)
+    renderer, truth = Renderer(scene), GroundTruth(scene)
+    for pose in (Pose(0, 0), Pose(0.5, -1.5, 0.3), Pose(8.5, 0.2, np.pi)):
+        drawn, cast = renderer.segmentation(pose, ONE_VIEW), truth.look(pose, ONE_VIEW)[0]
+        assert (drawn == cast).mean() > 0.9999
+        assert set(np.unique(cast)) >= {scene.index_of(c.name) for c in cards}
+
+
+def test_a_ray_stops_behind_many_layers() -> None:
+    air = np.zeros((4, 4, 4), dtype=np.uint8)
+    few, many = ([card(f"{k}", air, 3.0 + 0.1 * k) for k in range(n)] for n in (32, 40))
+    wall = worlds.box("wall", (9.5, 0), (1, 30, 9), GREY)
+    object_id, distance = GroundTruth(worlds.world(*few, wall)).cast([0, 0, 1.0], [1.0, 0, 0])
+    assert object_id == 33 and distance == pytest.approx(9.0, abs=1e-4)
+    object_id, _ = GroundTruth(worlds.world(*many, wall)).cast([0, 0, 1.0], [1.0, 0, 0])
+    assert object_id == 33  # of 40 cards the one after 32
+
+
+def test_a_scene_of_cut_outs_alone() -> None:
+    picture = np.zeros((2, 2, 4), dtype=np.uint8)
+    picture[:, 1, 3] = 255  # the right half is there
+    scene = Scene("cards", (40.0, 40.0), (card("card", picture, 4.0),))
+    object_id, distance = GroundTruth(scene).cast([0, 0, 1.0], [[4.0, 0.5, 0], [4.0, -0.5, 0]])
+    assert object_id.tolist() == [SKY, 0]
+    assert np.isinf(distance[0]) and distance[1] == pytest.approx(1.0)

@@ -25,6 +25,10 @@ class OutputError(VRChainError):
     """A result cannot be written: no room, no permission, or something is in the way."""
 
 
+class LearnedError(VRChainError):
+    """Learned features cannot be had: torch or the weights are not installed."""
+
+
 class MissionError(VRChainError):
     """A mission cannot be set up: no such robot or goal, or no place for the team."""
 

@@ -29,7 +29,10 @@ _PARTED_M = 0.05  # a contact is over once the robot is this far clear
 
 @dataclass(frozen=True)
 class SensorNoise:
-    """Standard deviations. Odometry errs with motion only: at rest it does not drift."""
+    """Standard deviations. Odometry errs with motion only: at rest it does not drift.
+
+    That skid steering slips in a turn is part of ``turn_rad``.
+    """
 
     range_m: float = 0.02  # a reading of the range ring
     scale: float = 0.01  # a robot's constant error of distance, as a share
@@ -87,7 +90,7 @@ class Simulator:
 
     @cached_property
     def truth(self) -> GroundTruth:
-        """The scene's ray caster, made on first use."""
+        """The scene's ray caster, made on first use; it sees robots only if they are passed."""
         return GroundTruth(self.scene)
 
     @cached_property
@@ -99,6 +102,11 @@ class Simulator:
     def robots(self) -> tuple[str, ...]:
         """The robots' names, in the order given."""
         return tuple(self._bodies)
+
+    def others(self, robot: str) -> dict[str, Pose]:
+        """Where all but this robot truly are, as ``truth`` and ``renderer`` take them."""
+        own = self._body(robot)
+        return {name: body.pose for name, body in self._bodies.items() if body is not own}
 
     def pose(self, robot: str) -> Pose:
         """Where the robot truly is."""
@@ -132,9 +140,13 @@ class Simulator:
         self.clock_ns += round(duration_s * 1e9)
 
     def observe(self, robot: str, *, look: bool = False) -> Observation:
-        """What the robot senses now, with a panorama if it looks. Asking twice changes nothing."""
+        """What the robot senses now, with a panorama if it looks. Asking twice changes nothing.
+
+        The others are in the panorama; its own mast and body are not, as if masked out.
+        """
         body = self._body(robot)
-        panorama = self.renderer.render(body.pose, self.rig) if look else None
+        others = self.others(robot)
+        panorama = self.renderer.render(body.pose, self.rig, others) if look else None
         ring = self.true_ranges_m(robot)
         draws = generator(self.seed, "range", robot, self.clock_ns)
         noisy = ring + draws.normal(0.0, self.noise.range_m, N_BEAMS)

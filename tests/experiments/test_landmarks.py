@@ -6,7 +6,7 @@ import worlds
 from sights import RIG
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks import claims_of, draw_pairs, landmark_pairs, summarise
+from vrchain.experiments.landmarks import Look, claims_of, draw_pairs, landmark_pairs, summarise
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import MatchConfig
 
@@ -108,7 +108,7 @@ def test_the_same_seed_gives_the_same_table(measured: pd.DataFrame) -> None:
 
 def test_a_pair_without_a_claim_keeps_its_row() -> None:
     a, b = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
-    looks = [((a, b), (sights.sight(a), sights.sight(b)))] * 2
+    looks = [(Look(a, sights.sight(a)), Look(b, sights.sight(b)))] * 2
     strict = claims_of(looks, sights.yard(), RIG, MatchConfig(min_score=1.1))
     assert len(strict) == 2 and strict.score.isna().all() and (strict.co_visible > 0).all()
     assert list(strict.pair) == [0, 1]

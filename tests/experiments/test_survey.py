@@ -1,4 +1,5 @@
 import hashlib
+import json
 from pathlib import Path
 
 import numpy as np
@@ -62,6 +63,19 @@ def test_positions_are_new_places(surveyed: tuple[pd.DataFrame, Path]) -> None:
         by_distance = rows.rule.iloc[1:] == "distance"
         assert (moved[by_distance.to_numpy()] < 8).all()
     assert (hamlet().clearance_m(table[["x_m", "y_m"]]) >= 0.39).all()
+
+
+def test_each_position_tells_where_the_other_robot_stood(
+    surveyed: tuple[pd.DataFrame, Path],
+) -> None:
+    """At the start both publish at once; each is where the other's row says."""
+    table, _ = surveyed
+    others = [json.loads(text) for text in table.others]
+    assert [set(o) for o in others] == [{"R2" if r == "R1" else "R1"} for r in table.robot]
+    first = table.drop_duplicates("robot").set_index("robot")
+    for name, other in (("R1", "R2"), ("R2", "R1")):
+        pose = json.loads(first.others[name])[other]
+        assert pose == list(first.loc[other, ["x_m", "y_m", "yaw_rad"]])
 
 
 def test_the_same_survey_is_the_same_bytes(

@@ -39,10 +39,14 @@ ON = {
     "pole": (-7.5, 0.0, 1.5),
     "sky": (3.0, 30.0, 30.0),
     "ground": (3.0, 3.0, 0.0),
+    "flag": (4.0, 3.0, 0.66),  # a robot's, if one stands there
 }
 
 
-def judged(*claims: tuple[list[str], list[str]]) -> list[Verdict]:
+def judged(
+    *claims: tuple[list[str], list[str]],
+    robots: tuple[dict[str, Pose], dict[str, Pose]] = ({}, {}),
+) -> list[Verdict]:
     """Verdicts on claims whose keypoints lie on the named things, in A and in B."""
     features, supports = [], []
     for side, pose in ((0, A), (1, B)):
@@ -56,7 +60,7 @@ def judged(*claims: tuple[list[str], list[str]]) -> list[Verdict]:
     common = tuple(
         CommonLandmark(0.9, REGION, REGION, a, b) for a, b in zip(*supports, strict=True)
     )
-    return judge(Comparison(common, None), TRUTH, (A, B), tuple(features), RIG)
+    return judge(Comparison(common, None), TRUTH, (A, B), tuple(features), RIG, robots)
 
 
 def test_a_claim_on_one_landmark_is_right() -> None:
@@ -85,6 +89,19 @@ def test_what_is_no_landmark_is_never_right(name: str) -> None:
     assert np.isnan(verdict.quality_m) == (name == "sky")
     mixed = judged((["shed"] * 5, [name] * 5))[0]
     assert not mixed.right and np.isnan(mixed.quality_m) == (name == "sky")
+
+
+def test_a_claim_on_a_robot_is_wrong() -> None:
+    flag = (["flag"] * 3, ["flag"] * 3)
+    there = {"R2": Pose(-20, 0), "R3": Pose(*ON["flag"][:2], 2.0)}
+    (verdict,) = judged(flag, robots=(there, {"R3": there["R3"]}))
+    assert (verdict.object_a, verdict.object_b) == ("R3", "R3")
+    assert not verdict.right and not verdict.twin and verdict.quality_m < 0.2
+    verdicts = judged(flag, flag, (["shed"] * 3, ["shed"] * 3), robots=(there, {}))
+    assert [v.object_a for v in verdicts] == ["R3", "R3", "shed"]
+    assert verdicts[0].object_b == "ground"  # it has gone by then
+    assert [v.duplicate for v in verdicts] == [False, True, False]
+    assert [v.right for v in verdicts] == [False, False, True]
 
 
 def test_half_the_support_is_enough_and_less_is_not() -> None:

@@ -110,6 +110,27 @@ def test_repeating_textures_stay_by_themselves() -> None:
     assert len(packed[2].vertices_m) == 12
 
 
+def cut_out(name: str, height_px: int = 16, width_px: int = 16) -> NDArray[np.uint8]:
+    return generator(0, "cut-out", name).integers(0, 256, (height_px, width_px, 4), dtype=np.uint8)
+
+
+def test_cut_outs_have_an_atlas_of_their_own_that_keeps_their_alpha() -> None:
+    solid = [square(texture(f"{k}"), k) for k in range(3)]
+    leaves = [square(cut_out(f"{k}", 9, 13), 10 + k) for k in range(3)]
+    repeats = square(cut_out("r"), 20, times=2.0)
+    packed = pack([leaves[0], solid[0], repeats, leaves[1], solid[1], solid[2], leaves[2]])
+    assert [s.cut_out for s in packed] == [False, True, True]
+    assert packed[1].texture is repeats.texture
+    for original in leaves:
+        inside, corner = first_vertices(packed, original)
+        assert inside is packed[2]
+        column, bottom = np.round(sampled(inside, 0, 0, corner)).astype(int)
+        g = atlas._GUTTER_PX
+        around = inside.texture[bottom - 9 - g : bottom + g, column - g : column + 13 + g]
+        assert np.array_equal(around, np.pad(original.texture, ((g, g), (g, g), (0, 0)), "edge"))
+    assert packed[2].owner.tolist() == np.repeat([0, 3, 6], 4).tolist()
+
+
 def test_a_texture_that_repeats_anywhere_repeats_everywhere() -> None:
     shared = texture("shared")
     packed = pack(
@@ -241,7 +262,7 @@ def test_packed_and_unpacked_are_the_same_picture(monkeypatch: pytest.MonkeyPatc
     packed = Renderer(scene)
     monkeypatch.setattr("vrchain.render.pack", join_by_texture)
     plain = Renderer(scene)
-    assert len(packed._squares) < len(plain._squares) == 7
+    assert len(packed._standing) < len(plain._standing) == 7
     for pose in (Pose(0, 0, 0.3), Pose(2, 1, 2.0)):
         a, b = (r.render(pose, RIG).views.astype(int) for r in (packed, plain))
         off = np.abs(a - b).max(axis=-1)

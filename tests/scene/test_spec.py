@@ -27,13 +27,26 @@ def test_every_key_reaches_its_field(tmp_path: Path) -> None:
     seed: 0
     extent_m: [80, 90.5]
     houses: {count: 3, setback_m: [5, 6]}
+    shops: {count: 2}
+    barns: {count: 0}
+    twins: 0.5
     light: {sun_elevation_deg: 30}
     """
     spec = load_spec(write(tmp_path, text))
     assert (spec.name, spec.seed, spec.extent_m) == ("hamlet", 0, (80.0, 90.5))
     assert (spec.houses.count, spec.houses.setback_m) == (3, (5.0, 6.0))
     assert spec.light.sun_elevation_deg == 30.0
+    assert (spec.shops.count, spec.barns.count, spec.twins) == (2, 0, 0.5)
     assert spec.trees == SceneSpec().trees  # what is left out keeps its default
+
+
+def test_a_time_of_day_sets_what_the_file_leaves_out() -> None:
+    assert parse_spec({"light": {"time": "noon"}}) == SceneSpec()
+    evening = parse_spec({"light": {"time": "evening"}}).light
+    assert evening.sun_elevation_deg < 20
+    given = parse_spec({"light": {"time": "evening", "sun_azimuth_deg": 10, "ambient": 0.7}}).light
+    assert (given.time, given.sun_azimuth_deg, given.ambient) == ("evening", 10.0, 0.7)
+    assert given.sun_elevation_deg == evening.sun_elevation_deg
 
 
 def test_the_suburb_of_the_scenes_folder_has_its_size_and_seed() -> None:
@@ -58,6 +71,20 @@ def test_defaults_are_within_their_own_ranges() -> None:
         ("colour: 3", ["'colour'", *(f.name for f in fields(SceneSpec))]),
         ("houses: {number: 3}", ["'houses.number'", "count", "setback_m", "two_storey"]),
         ("houses: {count: -1}", ["houses.count", "-1", "0..500"]),
+        ("twins: -0.1", ["twins", "-0.1", "0..1"]),
+        ("twins: 1.01", ["twins", "1.01", "0..1"]),
+        ("twins: .nan", ["twins", "nan", "0..1"]),
+        ("twins: true", ["twins", "a number in 0..1", "True"]),
+        ("twins: {share: 0.5}", ["twins", "a number in 0..1", "share"]),
+        ("shops: {count: -3}", ["shops.count", "-3", "0..40"]),
+        ("shops: {count: .nan}", ["shops.count", "whole number", "nan"]),
+        ("shops: 3", ["shops", "keys and values", "3"]),
+        ("shops: {kinds: [bakery]}", ["'shops.kinds'", "count"]),
+        ("barns: {count: 21}", ["barns.count", "21", "0..20"]),
+        ("barns: {count: 1.0}", ["barns.count", "whole number", "1.0"]),
+        ("barn: {count: 1}", ["'barn'", "barns"]),
+        ("streets: {spacing_m: 0}", ["streets.spacing_m", "0", "60..200"]),
+        ("extent_m: [60, 60]\nhouses: {count: 0}\nshops: {count: 20}", ["shops.count", "0..12"]),
         ("houses: {count: 2.5}", ["houses.count", "whole number", "2.5"]),
         ("houses: {count: true}", ["houses.count", "whole number", "True"]),
         ("houses: {count: many}", ["houses.count", "whole number", "many"]),
@@ -72,6 +99,10 @@ def test_defaults_are_within_their_own_ranges() -> None:
         ("trees: {height_m: [.nan, 9]}", ["trees.height_m", "nan"]),
         ("streets: {width_m: .inf}", ["streets.width_m", "inf", "5..12"]),
         ("light: {ambient: 1.5}", ["light.ambient", "0.2..1"]),
+        ("light: {time: dawn}", ["light.time", "noon, evening, overcast", "dawn"]),
+        ("light: {time: [noon]}", ["light.time", "noon"]),
+        ("light: {time: evening, sun: 3}", ["'light.sun'", "sun_azimuth_deg", "time"]),
+        ("season: dry", ["season", "spring", "summer", "autumn", "winter", "dry"]),
         ("seed: -4", ["seed", "-4"]),
         ("seed: 1e3000", ["seed"]),
         ("name: 7", ["name", "7"]),

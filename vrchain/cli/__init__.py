@@ -10,7 +10,7 @@ from types import FrameType
 import typer
 
 from vrchain import __version__
-from vrchain.cli import ledger, research, robots, scene
+from vrchain.cli import bench, ledger, research, robots, scene
 from vrchain.errors import VRChainError
 
 app = typer.Typer(
@@ -21,6 +21,7 @@ app = typer.Typer(
 )
 app.add_typer(scene.app, name="scene")
 app.add_typer(ledger.app, name="ledger")
+app.add_typer(bench.app, name="bench")
 app.command()(robots.panorama)
 app.command()(robots.landmarks)
 app.command()(robots.navigate)

@@ -16,6 +16,7 @@ from vrchain.paths import NOTEBOOKS
 
 _LIMIT_S = 900  # a cell
 _AT_ONCE = 2
+_TEMPLATES = Path(__file__).parent  # the folder offline/: pages that fetch nothing
 
 
 class NotebookError(VRChainError):
@@ -54,7 +55,8 @@ def execute(notebook: Path, folder: Path, results: Results) -> Path:
     limit = f"--ExecutePreprocessor.timeout={_LIMIT_S}"
     _convert([notebook, "--to", "notebook", "--execute", limit, *into], notebook, environment)
     executed = folder / notebook.name
-    _convert([executed, "--to", "html", *into], notebook, environment)
+    template = ["--template=offline", f"--TemplateExporter.extra_template_basedirs={_TEMPLATES}"]
+    _convert([executed, "--to", "html", *template, *into], notebook, environment)
     return executed
 
 

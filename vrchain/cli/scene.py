@@ -1,4 +1,4 @@
-"""The command ``vrchain scene``: what is in a scene, and its map."""
+"""The command ``vrchain scene``: what is in a scene, its map, and the scene for other programs."""
 
 import json
 from pathlib import Path
@@ -52,4 +52,20 @@ def draw_map(
     from vrchain.scene import load_scene
 
     write_file(output, png_bytes(scene_map(load_scene(spec))))
+    print(f"wrote {output}")
+
+
+@app.command()
+def export(
+    spec: Spec,
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="FILE.glb", help="The glTF file to write.")
+    ],
+) -> None:
+    """Write a scene as one glTF file, with a node for every object."""
+    from vrchain.scene import load_scene
+    from vrchain.scene.export import check_name, export_scene
+
+    check_name(output)
+    export_scene(load_scene(spec), output)
     print(f"wrote {output}")

@@ -1,6 +1,7 @@
 """How many common landmarks two robots find, how many of them are right, and how well placed."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
@@ -35,21 +36,30 @@ def landmark_pairs(
     rig = rig or CameraRig()
     renderer = Renderer(scene)
     looks = (
-        (poses, tuple(extract(renderer.render(pose, rig)) for pose in poses))
-        for poses in draw_pairs(scene, n_pairs, spacing_m, seed)
+        (Look(a, extract(renderer.render(a, rig))), Look(b, extract(renderer.render(b, rig))))
+        for a, b in draw_pairs(scene, n_pairs, spacing_m, seed)
     )
     return claims_of(
         tqdm(looks, total=n_pairs, desc="pairs", unit="", disable=None), scene, rig, config
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Look:
+    """The features of a panorama, the true pose it was taken from, and the robots it may show."""
+
+    pose: Pose
+    features: Features
+    robots: Mapping[str, Pose] = field(default_factory=dict)
+
+
 def claims_of(
-    looks: Iterable[tuple[tuple[Pose, Pose], tuple[Features, ...]]],
+    looks: Iterable[tuple[Look, Look]],
     scene: Scene,
     rig: CameraRig,
     config: MatchConfig | None = None,
 ) -> pd.DataFrame:
-    """Claims of common landmarks for pairs of true poses and what was seen there, one row a claim.
+    """Claims of common landmarks for pairs of looks, one row a claim.
 
     Columns: pair, spacing_m, co_visible (landmarks both poses see, by truth), score, right,
     duplicate, twin, quality_m, support, object. A pair without a claim has one row, NaN from score
@@ -57,15 +67,16 @@ def claims_of(
     """
     truth = GroundTruth(scene)
     rows: list[dict[str, object]] = []
-    for number, (poses, (a, b)) in enumerate(looks):
-        comparison = compare(a, b, rig, config)
-        spacing_m = poses[0].distance_to_m(poses[1].xy_m)
+    for number, (a, b) in enumerate(looks):
+        poses, features = (a.pose, b.pose), (a.features, b.features)
+        comparison = compare(*features, rig, config)
+        spacing_m = a.pose.distance_to_m(b.pose.xy_m)
         pair: dict[str, object] = {
             "pair": number,
             "spacing_m": spacing_m,
             "co_visible": len(co_visible(truth, *poses, rig)),
         }
-        verdicts = judge(comparison, truth, poses, (a, b), rig)
+        verdicts = judge(comparison, truth, poses, features, rig, (a.robots, b.robots))
         for claim, verdict in zip(comparison.common, verdicts, strict=True):
             rows.append(
                 pair

@@ -15,6 +15,7 @@ from vrchain.experiments.team import (
     draw_task,
     drive_to_places,
     goal_pictures,
+    scene_task,
 )
 from vrchain.geometry import Pose
 from vrchain.landmarks.index import LandmarkIndex
@@ -84,11 +85,17 @@ def run(
     config: MissionConfig | None = None,
     tell: Callable[[Decision], None] = lambda decision: None,
 ) -> MissionRun:
-    """Draw a task, let the team drive and publish, and send ``robot`` to the goal."""
+    """Draw a task, let the team drive and publish, and send ``robot`` to the goal.
+
+    A scene with robots of its own sets the task itself.
+    """
     rig = rig or CameraRig()
     setup = Simulator(scene, {}, seed=seed, rig=rig)
     truth, renderer = setup.truth, setup.renderer
-    task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
+    if scene.robots:
+        task = scene_task(scene, truth, seed, n_robots, robot, goal)
+    else:
+        task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
     simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
     pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
     members = {name: simulated_key(seed, name).public for name in task.starts}

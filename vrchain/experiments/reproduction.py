@@ -3,6 +3,7 @@
 Each stage writes one folder, ``build/PROFILE/STAGE``, whole or not at all.
 """
 
+import json
 import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
@@ -27,7 +28,7 @@ from vrchain.experiments.results import (
 from vrchain.files import output_folder
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
-from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.sift import extract
 from vrchain.ledger import Ledger
 from vrchain.panorama import Panorama
 from vrchain.render import Renderer
@@ -248,8 +249,13 @@ def _team_pairs(surveyed: pd.DataFrame, most: int, reach_m: float = 20.0) -> lis
 
 def _looks(
     pairs: Iterable[tuple[int, int]], surveyed: pd.DataFrame, payloads: Sequence[bytes]
-) -> Iterable[tuple[tuple[Pose, Pose], tuple[Features, ...]]]:
-    """True poses and features of pairs of the survey's rows."""
-    for pair in pairs:
-        a, b = (Pose(*surveyed.loc[i, ["x_m", "y_m", "yaw_rad"]].astype(float)) for i in pair)
-        yield (a, b), tuple(extract(Panorama.decode(payloads[i])) for i in pair)
+) -> Iterable[tuple[landmarks.Look, landmarks.Look]]:
+    """The looks of pairs of the survey's rows."""
+
+    def look(row: int) -> landmarks.Look:
+        pose = Pose(*surveyed.loc[row, ["x_m", "y_m", "yaw_rad"]].astype(float))
+        others = {name: Pose(*p) for name, p in json.loads(surveyed.others[row]).items()}
+        return landmarks.Look(pose, extract(Panorama.decode(payloads[row])), others)
+
+    for a, b in pairs:
+        yield look(a), look(b)

@@ -163,6 +163,12 @@ def suburb() -> Scene:
     return load_scene(SCENE)
 
 
+@cache
+def barn() -> Scene:
+    """The scene of the paper's example."""
+    return load_scene(SCENES / "barn.yaml")
+
+
 def rig_text(rig: CameraRig) -> str:
     """A rig in words: 8 views of 640 x 480."""
     return f"{rig.n_views} views of {rig.width_px} x {rig.height_px}"

@@ -3,6 +3,7 @@
 Here ground truth draws up the task; the robots that carry it out never see it.
 """
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from itertools import islice, pairwise
@@ -85,6 +86,45 @@ def draw_task(
     return min(found, key=lambda pair: pair[0])[1]
 
 
+def scene_task(
+    scene: Scene,
+    truth: GroundTruth,
+    seed: int,
+    n_robots: int = 3,
+    robot: str = "R1",
+    goal: str | None = None,
+) -> Task:
+    """The task that a scene with robots of its own sets; ``robot`` is named first, as it drives.
+
+    Each robot's start, from where it drives to its place, is drawn. MissionError if there is no
+    such robot or goal, or if something is in the way.
+    """
+    own = dict(scene.robots)
+    if n_robots != len(own):
+        raise MissionError(
+            f"the scene {scene.name!r} has {len(own)} robots of its own, not {n_robots}: "
+            "leave their number out"
+        )
+    if robot not in own:
+        raise MissionError(f"there is no robot {robot!r}; expected one of {', '.join(own)}")
+    places = {robot: own[robot], **own}
+    name = goal or scene.goal
+    if name is None:
+        raise MissionError(f"the scene {scene.name!r} sets no goal: name a --goal")
+    (target,) = _goal_ids(scene, name)
+    draws = generator(seed, "task")
+    starts = _starts(scene, list(places.values()), draws)
+    pictured = goal_poses(scene, truth, target, seed)
+    if len(starts) < len(places) or len(pictured) < GOAL_PICTURES:
+        raise MissionError(
+            f"found no free way to the robots' places, or too few sights of {name!r}: "
+            "try another seed"
+        )
+    return Task(
+        places, dict(zip(places, starts, strict=True)), scene.objects[target].name, tuple(pictured)
+    )
+
+
 def _tasks(
     scene: Scene,
     truth: GroundTruth,
@@ -107,7 +147,7 @@ def _tasks(
                 continue
             if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
                 continue
-            starts = [start for place in places if (start := _run_up(scene, place, draws))]
+            starts = _starts(scene, places, draws)
             if len(starts) < len(names):
                 continue
             task = Task(
@@ -178,7 +218,10 @@ def goal_pictures(
 
 @dataclass(frozen=True)
 class Publication:
-    """One transaction as its robot published it, with the true pose for evaluation."""
+    """One transaction as its robot published it, with the true pose for evaluation.
+
+    others: where the other robots stood then, JSON of name to [x_m, y_m, yaw_rad].
+    """
 
     robot: str
     time_s: float
@@ -188,6 +231,7 @@ class Publication:
     x_m: float
     y_m: float
     yaw_rad: float
+    others: str
 
 
 class PublishingRobot:
@@ -233,9 +277,19 @@ class PublishingRobot:
         entry = self._ledger.publish(self.name, self._key, blob, rule, seen.time_ns)
         self.monitor.published(seen)
         pose = self.simulator.pose(self.name)
-        digest = entry.payload_digest.hex()
+        team = {name: astuple(other) for name, other in self.simulator.others(self.name).items()}
         self.publications.append(
-            Publication(self.name, seen.time_ns / 1e9, rule, digest, len(blob), *astuple(pose))
+            Publication(
+                robot=self.name,
+                time_s=seen.time_ns / 1e9,
+                rule=rule,
+                digest=entry.payload_digest.hex(),
+                payload_bytes=len(blob),
+                x_m=pose.x_m,
+                y_m=pose.y_m,
+                yaw_rad=pose.yaw_rad,
+                others=json.dumps(team),
+            )
         )
 
 
@@ -340,14 +394,21 @@ def _unit(angle_rad: NDArray[np.float64]) -> Points:
     return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)
 
 
-def _run_up(scene: Scene, place: Pose, draws: np.random.Generator) -> Pose | None:
-    """A start some metres off, from which the place is reached straight ahead."""
-    for yaw in draws.uniform(-np.pi, np.pi, 24):
-        back = -np.array([np.cos(yaw), np.sin(yaw)])
-        way = place.xy_m + np.linspace(0.0, _RUN_UP_M, 13)[:, None] * back
-        if scene.is_free(way, _CLEARANCE_M).all():
-            return Pose(float(way[-1, 0]), float(way[-1, 1]), float(yaw))
-    return None
+def _starts(scene: Scene, places: Sequence[Pose], draws: np.random.Generator) -> list[Pose]:
+    """Starts some metres off the places, which are reached straight ahead; fewer if one has none.
+
+    Well apart from each other.
+    """
+    starts: list[Pose] = []
+    for place in places:
+        for yaw in draws.uniform(-np.pi, np.pi, 24):
+            back = -np.array([np.cos(yaw), np.sin(yaw)])
+            way = place.xy_m + np.linspace(0.0, _RUN_UP_M, 13)[:, None] * back
+            apart = all(start.distance_to_m(way[-1]) > 2 * _CLEARANCE_M for start in starts)
+            if apart and scene.is_free(way, _CLEARANCE_M).all():
+                starts.append(Pose(float(way[-1, 0]), float(way[-1, 1]), float(yaw)))
+                break
+    return starts
 
 
 def _goal_ids(scene: Scene, goal: str | None) -> list[int]:

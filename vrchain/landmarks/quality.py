@@ -1,5 +1,6 @@
 """Judging claims of common landmarks against ground truth."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
+from vrchain.scene.pioneer import FIRST_ID
 from vrchain.truth import SKY, GroundTruth
 
 CO_VISIBLE_SHARE = 0.2  # of the surface seen in the view that sees fewer, seen from the other too
@@ -39,28 +41,34 @@ def judge(
     poses: tuple[Pose, Pose],
     features: tuple[Features, Features],
     rig: CameraRig,
+    robots: tuple[Mapping[str, Pose], Mapping[str, Pose]] = ({}, {}),
 ) -> list[Verdict]:
-    """A verdict for each claim, in order."""
+    """A verdict for each claim, in order.
+
+    robots: name and pose of those that stood in each picture. They hide what is behind them and
+    are no landmarks, so that a claim on one is wrong.
+    """
     objects = truth.scene.objects
     verdicts: list[Verdict] = []
-    taken: set[tuple[int, int]] = set()
+    taken: set[tuple[str, str]] = set()
     for claim in comparison.common:
         sides = []
         supports = (claim.support_a, claim.support_b)
-        for pose, feature, support in zip(poses, features, supports, strict=True):
+        for pose, feature, support, team in zip(poses, features, supports, robots, strict=True):
             own = feature.take(support)
-            ids, points = truth.look_along(pose, own.bearing_rad, own.slope, rig)
+            ids, points = truth.look_along(pose, own.bearing_rad, own.slope, rig, team)
             values, counts = np.unique(ids, return_counts=True)
             leader = int(values[counts.argmax()])
             middle = np.nanmedian(points, axis=0) if (ids != SKY).any() else np.full(3, np.nan)
-            sides.append((leader, counts.max() / counts.sum() >= 0.5, middle))
-        (id_a, held_a, middle_a), (id_b, held_b, middle_b) = sides
-        standing = held_a and held_b and min(id_a, id_b) != SKY and objects[id_a].landmark
+            names = {SKY: "sky", **{FIRST_ID - i: name for i, name in enumerate(team)}}
+            name = names[leader] if leader < 0 else objects[leader].name
+            sides.append((leader, name, counts.max() / counts.sum() >= 0.5, middle))
+        (id_a, name_a, held_a, middle_a), (id_b, name_b, held_b, middle_b) = sides
+        standing = held_a and held_b and min(id_a, id_b) >= 0 and objects[id_a].landmark
         right = bool(standing and id_a == id_b)
-        name_a, name_b = ("sky" if i == SKY else objects[i].name for i in (id_a, id_b))
         twin = bool(standing and id_a != id_b and objects[id_a].model == objects[id_b].model)
-        duplicate = (id_a, id_b) in taken
-        taken.add((id_a, id_b))
+        duplicate = (name_a, name_b) in taken
+        taken.add((name_a, name_b))
         quality_m = float(np.linalg.norm(middle_a - middle_b))
         verdicts.append(Verdict(name_a, name_b, right, twin, duplicate, quality_m))
     return verdicts

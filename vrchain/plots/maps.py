@@ -17,6 +17,8 @@ from vrchain.scene.model import Scene, SceneObject
 ROBOT_COLOURS = ("#d55e00", "#0072b2", "#aa3f83", "#e69f00", "#56b4e9", "#009e73")
 KIND_COLOURS = {
     "house": "#c9a08a",
+    "shop": "#8c6bb1",
+    "barn": "#8c2d04",
     "tree": "#5f9a4c",
     "hedge": "#0b5d3b",
     "bush": "#9fc131",
@@ -45,19 +47,7 @@ def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
 
 def draw_scene(axes: Axes, scene: Scene) -> None:
     """Ground in its own colours, and the footprints of what stands on it."""
-    for obj in scene.objects:
-        if not obj.solid:
-            for surface in obj.surfaces:
-                colour = surface.texture.reshape(-1, 3).mean(axis=0) / 255
-                triangles = surface.vertices_m[surface.faces][:, :, :2]
-                axes.add_collection(
-                    PolyCollection(
-                        list(triangles),
-                        facecolors=[0.55 + 0.45 * colour],
-                        edgecolors="face",  # or the seams between triangles show
-                        linewidths=0.4,
-                    )
-                )
+    draw_ground(axes, scene)
     for obj in scene.objects:
         if obj.solid:
             colour = KIND_COLOURS.get(obj.kind, _OTHER_COLOUR)
@@ -70,6 +60,23 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
                         edgecolor=colour if thin else "black",
                         linewidth=1.6 if thin else 0.4,
                         alpha=0.6 if obj.kind == "tree" else 1.0,
+                    )
+                )
+
+
+def draw_ground(axes: Axes, scene: Scene) -> None:
+    """Ground in its own, paler colours, with axes in metres."""
+    for obj in scene.objects:
+        if not obj.solid:
+            for surface in obj.surfaces:
+                colour = surface.texture[..., :3].reshape(-1, 3).mean(axis=0) / 255
+                triangles = surface.vertices_m[surface.faces][:, :, :2]
+                axes.add_collection(
+                    PolyCollection(
+                        list(triangles),
+                        facecolors=[0.55 + 0.45 * colour],
+                        edgecolors="face",  # or the seams between triangles show
+                        linewidths=0.4,
                     )
                 )
     axes.set_aspect("equal")
@@ -115,7 +122,7 @@ def _plan(obj: SceneObject) -> shapely.Geometry:
         (low_x, low_y, _), (high_x, high_y, _) = obj.bounds_m
         middle = shapely.Point((low_x + high_x) / 2, (low_y + high_y) / 2)
         return middle.buffer((high_x - low_x + high_y - low_y) / 4)
-    if obj.kind == "house":
+    if obj.kind in ("house", "shop", "barn"):
         corners = np.concatenate([s.vertices_m[s.faces][:, :, :2] for s in obj.surfaces])
         triangles = shapely.polygons(corners.astype(float))
         return shapely.union_all(triangles[shapely.area(triangles) > 1e-4], grid_size=0.01)

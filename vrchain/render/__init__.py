@@ -8,7 +8,7 @@ import atexit
 import contextlib
 import os
 import threading
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, Literal
 
 import numpy as np
@@ -17,12 +17,15 @@ from numpy.typing import NDArray
 from vrchain.errors import RenderError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.scene import pioneer
 from vrchain.scene.atlas import Joined, join_by_texture, pack, sort_by_place
-from vrchain.scene.model import Scene
+from vrchain.scene.model import LightMap, Scene, Surface
 
 _NEAR_M, _FAR_M = 0.1, 900.0
 _MARGIN_RAD = 0.02
+_LINEAR, _CLAMP = 0x2601, 0x812F  # OpenGL's and glTF's: no mipmaps; no repetition
 _SKY = 0  # the id that the segmentation draws for no object; objects count from 1
+_WRAP = 1 << 24  # ids are drawn in three bytes, robots' (below the sky's) as the complement
 _context: "_Context | None" = None
 
 
@@ -69,72 +72,152 @@ class Renderer:
     def __init__(self, scene: Scene) -> None:
         self._context = _shared_context()
         self.scene = scene
-        surfaces = [s for o in scene.objects for s in o.surfaces]
-        ids = [i + 1 for i, o in enumerate(scene.objects) for _ in o.surfaces]
-        packed = pack(surfaces)
-        if scene.sky is not None:  # last, so that little of it is drawn in vain
-            sky = join_by_texture([scene.sky])[0]
-            packed.append(replace(sky, owner=sky.owner + len(ids)))
-        sorted_ = [sort_by_place(surface) for surface in packed]
-        self._squares = [_Squares(surface, starts) for surface, starts in sorted_]
-        self._drawable = self._prepare([s for s, _ in sorted_], np.array([*ids, _SKY]))
+        drawn = [(i + 1, s) for i, o in enumerate(scene.objects) for s in o.surfaces]
+        sky = [] if scene.sky is None else [(_SKY, scene.sky)]
+        floor = [(i, s) for i, s in drawn if scene.ground_light and not s.vertices_m[:, 2].any()]
+        on_floor = {id(s) for _, s in floor}
+        self._robot_textures: dict[str, Any] = {}
+        self._standing = [
+            *_prepared(floor, join_by_texture, scene.ground_light),
+            *_prepared([(i, s) for i, s in drawn if id(s) not in on_floor], pack),
+            *_prepared(sky, pack),  # last, so that little of it is drawn in vain
+        ]
+        self._drawable = self._prepare()
 
-    def render(self, pose: Pose, rig: CameraRig | None = None) -> Panorama:
-        """The panorama seen from ``pose``; the same bytes every time."""
+    def render(
+        self,
+        pose: Pose,
+        rig: CameraRig | None = None,
+        robots: Mapping[str, Pose] | None = None,
+    ) -> Panorama:
+        """The panorama seen from ``pose``; the same bytes every time.
+
+        robots: the other robots in the scene, name and pose; never the one that looks.
+        """
         rig = rig or CameraRig()
-        return Panorama(rig, self._views(pose, rig, "colour"))
+        return Panorama(rig, self._views(pose, rig, "colour", robots or {}))
 
-    def segmentation(self, pose: Pose, rig: CameraRig | None = None) -> NDArray[np.int32]:
-        """Object id a pixel, -1 for sky: (n_views, height_px, width_px) int32."""
-        views = self._views(pose, rig or CameraRig(), "objects")
+    def segmentation(
+        self,
+        pose: Pose,
+        rig: CameraRig | None = None,
+        robots: Mapping[str, Pose] | None = None,
+    ) -> NDArray[np.int32]:
+        """Object id a pixel, -1 for sky: (n_views, height_px, width_px) int32.
+
+        Robots have the ids -2, -3, ... in the order given.
+        """
+        views = self._views(pose, rig or CameraRig(), "objects", robots or {})
         low, middle, high = np.moveaxis(views.astype(np.int32), -1, 0)
-        return low + (middle << 8) + (high << 16) - 1
+        drawn = low + (middle << 8) + (high << 16)
+        return np.where(drawn < _WRAP // 2, drawn, drawn - _WRAP) - 1
 
-    def _prepare(self, surfaces: list[Joined], ids: NDArray[np.int64]) -> Any:
-        """A pyrender scene of one mesh, a primitive for each surface."""
+    def _prepare(self) -> Any:
+        """A pyrender scene of one mesh, of all primitives."""
         import pyrender
 
         drawable = pyrender.Scene(bg_color=(*[c / 255 for c in self.scene.sky_rgb], 1.0))
-        primitives = []
-        for surface in surfaces:
-            texture = pyrender.Texture(source=surface.texture, source_channels="RGB")
-            drawn = ids[surface.owner]
-            bytes_ = np.stack([drawn & 255, drawn >> 8 & 255, drawn >> 16], axis=1) / 255
-            light = np.clip(surface.shade, 0.0, 1.0)[:, None]
-            primitives.append(
-                pyrender.Primitive(
-                    positions=surface.vertices_m,
-                    indices=surface.faces,
-                    texcoord_0=surface.uv,
-                    color_0=np.concatenate([light, bytes_], axis=1).astype(np.float32),
-                    material=pyrender.MetallicRoughnessMaterial(baseColorTexture=texture),
-                    mode=4,
-                )
-            )
-        if primitives:
-            drawable.add(pyrender.Mesh(primitives))
+        if self._standing:
+            drawable.add(pyrender.Mesh([primitive for primitive, _ in self._standing]))
         return drawable
 
+    @contextlib.contextmanager
+    def _among(self, robots: Mapping[str, Pose]) -> Iterator[list[tuple[Any, "_Squares"]]]:
+        """The robots' primitives, which are in the scene for as long as this lasts."""
+        import pyrender
+
+        moving = []
+        for index, robot in enumerate(pioneer.placed(self.scene, robots)):
+            surface = robot.surfaces[0]
+            if robot.name not in self._robot_textures:
+                self._robot_textures[robot.name] = _texture(surface)
+            drawn = np.full(len(surface.vertices_m), pioneer.FIRST_ID - index + 1)
+            primitive = _primitive(surface, drawn, self._robot_textures[robot.name])
+            moving.append((primitive, _Squares(surface, np.array([0, len(surface.faces)]))))
+        node = self._drawable.add(pyrender.Mesh([p for p, _ in moving])) if moving else None
+        try:
+            yield moving
+        finally:
+            if node is not None:
+                self._drawable.remove_node(node)
+
     def _views(
-        self, pose: Pose, rig: CameraRig, what: Literal["colour", "objects"]
+        self,
+        pose: Pose,
+        rig: CameraRig,
+        what: Literal["colour", "objects"],
+        robots: Mapping[str, Pose],
     ) -> NDArray[np.uint8]:
         from vrchain.render.drawer import Runs
 
         self._context.check_thread()
         lens = _camera_to_clip(rig)
         views = np.empty((rig.n_views, rig.height_px, rig.width_px, 3), dtype=np.uint8)
-        for view, azimuth in zip(views, rig.azimuths_rad, strict=True):
-            camera = lens @ np.linalg.inv(_camera_to_world(pose, azimuth, rig.camera_height_m))
-            shown = [Runs(*squares.in_view(pose, azimuth, rig)) for squares in self._squares]
-            size_px = rig.width_px, rig.height_px
-            view[:] = self._context.drawer.draw(self._drawable, camera, shown, size_px, what)
+        with self._among(robots) as moving:
+            for view, azimuth in zip(views, rig.azimuths_rad, strict=True):
+                camera = lens @ np.linalg.inv(_camera_to_world(pose, azimuth, rig.camera_height_m))
+                shown = [
+                    (primitive, Runs(*squares.in_view(pose, azimuth, rig)))
+                    for primitive, squares in [*moving, *self._standing]
+                ]
+                size_px = rig.width_px, rig.height_px
+                view[:] = self._context.drawer.draw(
+                    self._drawable, camera, shown, size_px, what, self.scene.ground_light
+                )
         return views
+
+
+def _texture(surface: Surface) -> Any:
+    import pyrender
+
+    channels = "RGBA" if surface.cut_out else "RGB"
+    return pyrender.Texture(source=surface.texture, source_channels=channels)
+
+
+def _prepared(
+    surfaces: list[tuple[int, Surface]],
+    joined: Callable[[list[Surface]], list[Joined]],
+    light_map: LightMap | None = None,
+) -> Iterator[tuple[Any, "_Squares"]]:
+    """Primitives of surfaces and the ids they are drawn with, joined, and their squares."""
+    import pyrender
+
+    light = None
+    if light_map is not None:
+        sampler = pyrender.Sampler(minFilter=_LINEAR, wrapS=_CLAMP, wrapT=_CLAMP)
+        light = pyrender.Texture(sampler=sampler, source=light_map.image, source_channels="RGB")
+    ids = np.array([i for i, _ in surfaces])
+    for surface in joined([s for _, s in surfaces]):
+        ordered, starts = sort_by_place(surface)
+        primitive = _primitive(ordered, ids[ordered.owner], _texture(ordered), light)
+        yield primitive, _Squares(ordered, starts)
+
+
+def _primitive(
+    surface: Surface, drawn: NDArray[np.int64], texture: Any, light_map: Any = None
+) -> Any:
+    """A surface for pyrender; drawn: (n,) the id, from 0, that each vertex is drawn with."""
+    import pyrender
+
+    n = len(drawn)
+    light = np.broadcast_to(surface.shade.reshape(n, -1), (n, 3)).clip(0.0, 1.0)
+    number = drawn % _WRAP  # 24 bits: a float32 holds it exactly
+    return pyrender.Primitive(
+        positions=surface.vertices_m,
+        indices=surface.faces,
+        texcoord_0=surface.uv,
+        color_0=np.column_stack([light, number]).astype(np.float32),
+        material=pyrender.MetallicRoughnessMaterial(
+            baseColorTexture=texture, occlusionTexture=light_map
+        ),
+        mode=4,
+    )
 
 
 class _Squares:
     """Which triangles of a surface a view can show: most time goes into the others' vertices."""
 
-    def __init__(self, surface: Joined, starts: NDArray[np.int64]) -> None:
+    def __init__(self, surface: Surface, starts: NDArray[np.int64]) -> None:
         self._first, self._count = starts[:-1], np.diff(starts)
         corners = surface.vertices_m[surface.faces][:, :, :2].astype(float)
         low = np.minimum.reduceat(corners.min(axis=1), starts[:-1])

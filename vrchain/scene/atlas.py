@@ -31,18 +31,27 @@ def join_by_texture(surfaces: Sequence[Surface]) -> list[Joined]:
 
 
 def pack(surfaces: Sequence[Surface]) -> list[Joined]:
-    """The same picture with fewer textures: those that never repeat share one atlas.
+    """The same picture with fewer textures: those that never repeat share an atlas.
 
-    Textures that repeat (uv beyond 0..1) stay by themselves, first and in their order.
+    Textures that repeat (uv beyond 0..1) stay by themselves, first and in their order. Cut-outs
+    come last, in an atlas of their own: what is opaque is drawn faster.
     """
     joined = join_by_texture(surfaces)
+    return [
+        *_pack_alike([s for s in joined if not s.cut_out]),
+        *_pack_alike([s for s in joined if s.cut_out]),
+    ]
+
+
+def _pack_alike(joined: list[Joined]) -> list[Joined]:
+    """``pack`` for textures of as many channels."""
     repeating = [s for s in joined if _repeats(s)]
     single = [s for s in joined if not _repeats(s)]
     if len(single) < 2:
         return joined
     single.sort(key=lambda s: -s.texture.shape[0])  # shelves waste least from tall to short
     corners, height_px = _shelves([s.texture.shape[:2] for s in single])
-    atlas = np.zeros((height_px, _WIDTH_PX, 3), dtype=np.uint8)
+    atlas = np.zeros((height_px, _WIDTH_PX, single[0].texture.shape[2]), dtype=np.uint8)
     moved = []
     for surface, (row, column) in zip(single, corners, strict=True):
         h, w = surface.texture.shape[:2]

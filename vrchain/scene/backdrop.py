@@ -1,11 +1,13 @@
 """What lies beyond the suburb: sky with clouds, and a belt of distant trees."""
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.scene import textures
+from vrchain.scene import seasons, textures
 from vrchain.scene.light import Light
 from vrchain.scene.model import SceneObject, Surface, place
 from vrchain.scene.shapes import Image
@@ -13,8 +15,44 @@ from vrchain.scene.streets import BEYOND_M
 
 _RADIUS_M = 400.0
 _LOWEST_RAD = np.radians(-6.0)
-HAZE_RGB = (205, 219, 231)
-_HAZE = np.array(HAZE_RGB, dtype=float)
+
+
+@dataclass(frozen=True)
+class _Weather:
+    """Colours of the sky by the time of day.
+
+    cover: how much of the sky clouds take, 0 for fair weather; glow: exponent (larger is narrower)
+    and strength of the brightness around the sun; dusk_rgb: of the horizon below the sun.
+    """
+
+    zenith_rgb: tuple[int, int, int]
+    haze_rgb: tuple[int, int, int]
+    cloud_rgb: tuple[int, int, int]
+    foot_rgb: tuple[int, int, int]  # of thick clouds, from below
+    cover: float
+    glow: tuple[float, float]
+    dusk_rgb: tuple[int, int, int]
+
+
+_WEATHERS = {
+    "noon": _Weather(
+        (92, 148, 215), (205, 219, 231), (252, 252, 252), (235, 236, 238), 0.0, (60, 0.8),
+        (205, 219, 231),
+    ),
+    "evening": _Weather(
+        (98, 122, 176), (222, 203, 190), (250, 206, 170), (176, 142, 146), 0.0, (40, 0.75),
+        (255, 186, 112),
+    ),
+    "overcast": _Weather(
+        (178, 184, 191), (208, 212, 215), (222, 225, 228), (158, 165, 173), 1.0, (8, 0.12),
+        (208, 212, 215),
+    ),
+}  # fmt: skip
+
+
+def haze_rgb(light: Light) -> tuple[int, int, int]:
+    """The colour of the sky at the horizon."""
+    return _WEATHERS[light.time].haze_rgb
 
 
 def build_sky(light: Light, rng: np.random.Generator) -> Surface:
@@ -54,8 +92,12 @@ def _sky_picture(light: Light, rng: np.random.Generator, shape: textures.Shape) 
     turn = (np.arange(w) + 0.5) / w * 2 * np.pi
     tilt = _LOWEST_RAD + (np.pi / 2 - _LOWEST_RAD) * (1 - (np.arange(h) + 0.5) / h)
     up = np.clip(np.sin(tilt), 0, 1)[:, None]
-    blue = np.array([92.0, 148.0, 215.0])
-    image = _HAZE + (blue - _HAZE) * (up**0.55)[..., None] * np.ones((1, w, 1))
+    weather = _WEATHERS[light.time]
+    haze, zenith = np.array(weather.haze_rgb, float), np.array(weather.zenith_rgb, float)
+    away = np.cos(turn - np.arctan2(light.direction[1], light.direction[0]))
+    dusk = np.clip(0.5 + 0.5 * away, 0, 1) ** 2 * np.exp(-up / 0.22)
+    image = haze + (zenith - haze) * (up**0.55)[..., None] * np.ones((1, w, 1))
+    image += (np.array(weather.dusk_rgb) - image) * dusk[..., None]
 
     size = 512
     puffs = textures.fractal(rng, (size, size), 90, 6, tile=True)
@@ -68,9 +110,10 @@ def _sky_picture(light: Light, rng: np.random.Generator, shape: textures.Shape) 
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_WRAP,
     )
-    cover = np.clip((cloud + 0.05) / 1.2, 0, 1) * np.clip(up / 0.12, 0, 1)
-    white = 252.0 - 14.0 * np.clip(cloud - 0.9, 0, 1.2)
-    image += (white[..., None] - image) * (0.9 * cover**0.8)[..., None]
+    cover = np.clip((cloud + 0.05 + 2.0 * weather.cover) / 1.2, 0, 1) * np.clip(up / 0.12, 0, 1)
+    thick = np.clip((cloud - 0.9 + 1.2 * weather.cover) / 1.2, 0, 1)[..., None]
+    top, foot = np.array(weather.cloud_rgb, float), np.array(weather.foot_rgb, float)
+    image += (top + (foot - top) * thick - image) * (0.9 * cover**0.8)[..., None]
 
     unit = np.stack(
         [
@@ -80,18 +123,19 @@ def _sky_picture(light: Light, rng: np.random.Generator, shape: textures.Shape) 
         ],
         -1,
     )
-    glow = np.clip(unit @ light.direction, 0, 1) ** 60
-    image += (255.0 - image) * (0.8 * glow)[..., None]
+    narrow, strength = weather.glow
+    glow = strength * np.clip(unit @ light.direction, 0, 1) ** narrow
+    image += (np.array([255.0, 250.0, 235.0]) - image) * glow[..., None]
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
 def build_belt(
-    extent_m: tuple[float, float], light: Light, rng: np.random.Generator
+    extent_m: tuple[float, float], light: Light, season: str, rng: np.random.Generator
 ) -> SceneObject:
     """Two rings of wood outside the map, the farther one taller and paler; no landmark."""
     surfaces = [
-        _ring(extent_m, BEYOND_M - 22.0, (5.0, 10.0), 0.25, rng),
-        _ring(extent_m, BEYOND_M - 2.0, (9.0, 16.0), 0.55, rng),
+        _ring(extent_m, BEYOND_M - 22.0, (5.0, 10.0), 0.25, light, season, rng),
+        _ring(extent_m, BEYOND_M - 2.0, (9.0, 16.0), 0.55, light, season, rng),
     ]
     return place("wood", "backdrop", "wood", surfaces, Pose(0.0, 0.0), landmark=False, solid=False)
 
@@ -101,6 +145,8 @@ def _ring(
     beyond_m: float,
     height_m: tuple[float, float],
     haze: float,
+    light: Light,
+    season: str,
     rng: np.random.Generator,
 ) -> Surface:
     n = 360
@@ -121,12 +167,15 @@ def _ring(
     faces = np.concatenate(
         [np.stack([i, n + 2 + i, i + 1], 1), np.stack([i, n + 1 + i, n + 2 + i], 1)]
     )
+    green = textures.hsv(rng.uniform(80, 110), 0.4, 0.42)
     leaf = textures.leaves(
-        rng, (96, 512), textures.hsv(rng.uniform(80, 110), 0.4, 0.42), 5.0
+        rng, (96, 512), seasons.leaf(green, season, evergreen=False), 5.0
     ).astype(float)
     leaf *= np.linspace(1.1, 0.55, 96)[:, None, None]
-    texture = np.clip(leaf + haze * (_HAZE - leaf), 0, 255).astype(np.uint8)
-    shade = np.full(len(points), 0.95, dtype=np.float32)
+    # The air before it has its own light; the wood's is that of leaves in the open.
+    leaf *= light.towards(0.5, 0.5, 1.0, 1.0)
+    texture = np.clip(leaf + haze * (haze_rgb(light) - leaf), 0, 255).astype(np.uint8)
+    shade = np.ones(len(points), dtype=np.float32)
     return Surface(
         points.astype(np.float32), faces.astype(np.int32), uv.astype(np.float32), shade, texture
     )

@@ -9,7 +9,7 @@ from vrchain import seeding
 from vrchain.geometry import Pose
 from vrchain.scene import plants, vehicle_plans
 from vrchain.scene.lots import Homestead, Lot
-from vrchain.scene.site import Candidate
+from vrchain.scene.site import Candidate, Placement, repeats
 from vrchain.scene.spec import SceneSpec
 from vrchain.scene.streets import Street, Streets
 
@@ -38,13 +38,24 @@ def parked(
     streets: Streets,
     homesteads: Sequence[Homestead],
     keep_off: shapely.Geometry,
+    placed: Sequence[Placement],
     rng: np.random.Generator,
 ) -> Groups:
-    """Vehicles: the first share in driveways, the others at kerbs on the right-hand side."""
+    """Vehicles: the first share in driveways, the others at kerbs on the right-hand side.
+
+    ``placed`` grows as groups are taken: a twin repeats one of the vehicles there.
+    """
     shapely.prepare(keep_off)
     count = spec.vehicles.count
-    for i in range(3 * count):
-        plan = vehicle_plans.draw_plan(seeding.generator(spec.seed, "vehicle", i, "plan"))
+    twins = repeats(count, spec.twins, seeding.generator(spec.seed, "vehicle", "twins"))
+    for i in range(count + 60):
+        vehicles = [p for p in placed if p.kind == "vehicle"]
+        if len(vehicles) in twins:
+            original = vehicles[twins[len(vehicles)]]
+            plan, model = original.plan, original.model
+        else:
+            draws = seeding.generator(spec.seed, "vehicle", i, "plan")
+            plan, model = vehicle_plans.draw_plan(draws), None
         half = plan.width_m / 2 + 0.15
         shape = shapely.box(-plan.length_m / 2 - 0.05, -half, plan.length_m / 2 + 0.05, half)
         group = []
@@ -52,12 +63,12 @@ def parked(
             for k in rng.permutation(len(homesteads)):
                 home, turn = homesteads[int(k)], float(rng.choice([-1, 1])) * np.pi / 2
                 pose = home.lot.pose(home.driveway_u_m, 0.35 + plan.length_m / 2, turn)
-                group.append(Candidate(pose, shape, plan))
+                group.append(Candidate(pose, shape, plan, model))
         for _ in range(60):
             street, along, side = _anywhere(streets, rng)
             xy, heading = street.at(along, side * (streets.width_m / 2 - 0.2 - plan.width_m / 2))
             pose = Pose(float(xy[0]), float(xy[1]), heading + (np.pi if side > 0 else 0.0))
-            candidate = Candidate(pose, shape, plan)
+            candidate = Candidate(pose, shape, plan, model)
             if not keep_off.intersects(candidate.ground):
                 group.append(candidate)
         yield group
@@ -90,10 +101,9 @@ def signs(streets: Streets, rng: np.random.Generator) -> Groups:
     shape = shapely.box(-0.55, -0.12, 0.55, 0.12)
     places = []
     for street in streets.lines:
-        for point in streets.junctions:
-            if street.line.distance(point) < 0.1:
-                s, reach = street.line.project(point), streets.half_m + rng.uniform(2.0, 5.0, 2)
-                places += [(street, s - reach[0], -1), (street, s + reach[1], 1)]
+        for junction_m, arm in streets.arms(street):
+            reach = streets.half_m + float(rng.uniform(2.0, 5.0))
+            places.append((street, junction_m + arm * reach, arm))
     places = [places[int(k)] for k in rng.permutation(len(places))]
     places += [_anywhere(streets, rng) for _ in range(600)]
     for street, along, side in places:

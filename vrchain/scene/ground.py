@@ -1,28 +1,25 @@
 """The ground, cut into polygons that do not overlap: grass, road, pavement, marking, driveway."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.scene import textures
+from vrchain.scene import seasons, textures
 from vrchain.scene.layout import Layout
-from vrchain.scene.light import Light
 from vrchain.scene.model import SceneObject, Surface, place
 from vrchain.scene.shapes import Image
-from vrchain.scene.streets import BEYOND_M, KERB_M, Street, Streets
+from vrchain.scene.streets import BEYOND_M, KERB_M, TURNING_M, Street, Streets
 
-_SOFT_M = 0.12  # half the width of a shadow's edge
-_UP = np.array([[0.0, 0.0, 1.0]])
+Piece = tuple[str, str, shapely.Geometry, Image, float]  # name, kind, region, texture, tile in m
 
 
 def build_ground(
     layout: Layout,
     extent_m: tuple[float, float],
-    shadow: shapely.Geometry,
-    light: Light,
+    season: str,
     rng: np.random.Generator,
 ) -> Iterator[SceneObject]:
     """Ground objects, on z = 0; none is solid or a landmark."""
@@ -31,20 +28,21 @@ def build_ground(
     everything = shapely.box(*-half, *half)
     marking = shapely.union_all(list(_markings(streets))).intersection(streets.road)
     outside = everything.difference(streets.corridor)
-    drives = shapely.union_all([h.driveway for h in layout.homesteads]).intersection(outside)
+    tracks = [p.yard for p in layout.premises if p.kind == "barn"]
+    drives = shapely.union_all([h.driveway for h in layout.homesteads] + tracks)
+    drives = drives.intersection(outside)
+    courts = shapely.union_all([p.yard for p in layout.premises if p.kind == "shop"])
+    courts = courts.intersection(outside).difference(drives)
     paths = shapely.union_all([h.path for h in layout.homesteads]).intersection(outside)
-    paths = paths.difference(drives)
-    lawns = _lawns(layout, outside.difference(shapely.union_all([drives, paths])))
-    rest = outside.difference(shapely.union_all([*lawns, drives, paths]))
+    paths = paths.difference(shapely.union_all([drives, courts]))
+    paved = shapely.union_all([drives, courts, paths])
+    lawns = _lawns(layout, outside.difference(paved))
+    rest = outside.difference(shapely.union_all([*lawns, paved]))
 
     def grass(hue: float, value: float, contrast: float = 0.1) -> Image:
         colour = textures.hsv(hue + rng.uniform(-4, 4), rng.uniform(0.42, 0.55), value)
-        return textures.ground(rng, colour, contrast, 4)
+        return textures.ground(rng, seasons.grass(colour, season), contrast, 4)
 
-    simple = shadow.simplify(0.1)
-    outer = simple.buffer(_SOFT_M, quad_segs=1).simplify(0.04)
-    core = simple.buffer(-_SOFT_M).simplify(0.04).intersection(outer)
-    shadow_edges = (core, outer)
     asphalt = textures.ground(rng, textures.hsv(220, 0.04, rng.uniform(0.36, 0.46)), 0.075, 2)
     grey = textures.hsv(35, 0.08, 0.68)
     pieces = [
@@ -60,16 +58,22 @@ def build_ground(
         ),
         ("driveways", "driveway", drives, textures.ground(rng, (176, 170, 160), 0.08, 4, 256), 4.0),
         ("paths", "path", paths, textures.paving(rng, textures.hsv(25, 0.22, 0.7), 24, 256), 4.0),
+        ("forecourts", "path", courts, textures.paving(rng, textures.hsv(28, 0.14, 0.6), 40), 5.0),
         ("lawn_1", "grass", lawns[0], grass(84, 0.56), 7.0),
         ("lawn_2", "grass", lawns[1], grass(92, 0.5), 6.0),
         ("lawn_3", "grass", lawns[2], grass(76, 0.6), 8.0),
         ("grass", "grass", rest, grass(80, 0.52, 0.12), 9.0),
     ]
+    return lay(pieces, everything)
+
+
+def lay(pieces: Sequence[Piece], everything: shapely.Geometry) -> Iterator[SceneObject]:
+    """Ground objects of pieces that do not overlap, cut to ``everything``."""
     for name, kind, region, texture, tile_m in pieces:
         ground = region.intersection(everything)
         if ground.is_empty:
             continue
-        surface = _flat(ground, shadow_edges, light, texture, tile_m)
+        surface = _flat(ground, texture, tile_m)
         yield place(name, kind, name, [surface], Pose(0.0, 0.0), landmark=False, solid=False)
 
 
@@ -83,42 +87,15 @@ def _lawns(layout: Layout, open_ground: shapely.Geometry) -> list[shapely.Geomet
     return [shapely.union_all(group) for group in groups]
 
 
-def _flat(
-    region: shapely.Geometry,
-    shadow_edges: tuple[shapely.Geometry, shapely.Geometry],
-    light: Light,
-    texture: Image,
-    tile_m: float,
-) -> Surface:
-    """A region in light, in shadow, and in the soft edge between, where the shade runs across."""
-    core, outer = shadow_edges
-    bright, dark = float(light.on(_UP)[0]), light.ambient
-    edge = region.intersection(outer).difference(core)
-    points, faces, shades, first = [], [], [], 0
-    for part, shade in (
-        (region.difference(outer), bright),
-        (region.intersection(core), dark),
-        (edge, None),
-    ):
-        corners = _triangles(part)
-        if not len(corners):
-            continue
-        flat = corners.reshape(-1, 2)
-        points.append(flat)
-        faces.append(np.arange(len(flat)).reshape(-1, 3) + first)
-        first += len(flat)
-        if shade is None:
-            shapely.prepare(core)
-            inner = shapely.dwithin(core, shapely.points(flat), _SOFT_M / 4)
-            shades.append(np.where(inner, dark, bright))
-        else:
-            shades.append(np.full(len(flat), shade))
-    xy = np.concatenate(points)
+def _flat(region: shapely.Geometry, texture: Image, tile_m: float) -> Surface:
+    """A region in full light: what falls on it is the light map's part."""
+    corners = _triangles(region)
+    xy = corners.reshape(-1, 2)
     return Surface(
         np.column_stack([xy, np.zeros(len(xy))]).astype(np.float32),
-        np.concatenate(faces).astype(np.int32),
+        np.arange(len(xy), dtype=np.int32).reshape(-1, 3),
         (xy / tile_m).astype(np.float32),
-        np.concatenate(shades).astype(np.float32),
+        np.ones(len(xy), dtype=np.float32),
         texture,
     )
 
@@ -145,24 +122,24 @@ def _markings(streets: Streets) -> Iterator[shapely.Geometry]:
             street.line.project(p) for p in streets.junctions if street.line.distance(p) < 0.1
         ]
         clear = streets.half_m + 4.5
-        for along in np.arange(1.0, street.line.length - 3.0, 5.0):
+        last = street.line.length - (streets.half_m + TURNING_M if street.head else 3.0)
+        for along in np.arange(1.0, last, 5.0):
             if all(abs(along + 1.2 - c) > clear + 1.2 for c in crossings):
                 yield _strip(street, along, along + 2.4, 0.0, 0.07)
-        for c in crossings:
-            for sign in (-1, 1):
-                near = c + sign * (streets.half_m + 0.5)
-                far = near + sign * 2.4
-                for aside in np.arange(-streets.width_m / 2 + 0.5, streets.width_m / 2 - 0.3, 0.95):
-                    yield _strip(street, min(near, far), max(near, far), float(aside), 0.22)
-                stop = far + sign * 0.6
-                # Traffic keeps right: before a junction the line lies across the right-hand lane.
-                yield _strip(
-                    street,
-                    stop - 0.15,
-                    stop + 0.15,
-                    sign * streets.width_m / 4,
-                    streets.width_m / 4 - 0.25,
-                )
+        for c, sign in streets.arms(street):
+            near = c + sign * (streets.half_m + 0.5)
+            far = near + sign * 2.4
+            for aside in np.arange(-streets.width_m / 2 + 0.5, streets.width_m / 2 - 0.3, 0.95):
+                yield _strip(street, min(near, far), max(near, far), float(aside), 0.22)
+            stop = far + sign * 0.6
+            # Traffic keeps right: before a junction the line lies across the right-hand lane.
+            yield _strip(
+                street,
+                stop - 0.15,
+                stop + 0.15,
+                sign * streets.width_m / 4,
+                streets.width_m / 4 - 0.25,
+            )
 
 
 def _strip(

@@ -6,6 +6,7 @@ Model frame: the plan's middle at the origin, the front towards -y.
 from collections.abc import Sequence
 from dataclasses import replace
 
+import cv2
 import numpy as np
 
 from vrchain.scene import facade_style, facades, roofs, textures
@@ -28,7 +29,8 @@ class _House:
             [[10, 0.5], [20, 0.35], [215, 0.2], [30, 0.1], [120, 0.12], [0, 0.02]]
         )
         self.roof_rgb = textures.hsv(hue + rng.uniform(-8, 8), saturation, rng.uniform(0.3, 0.65))
-        self.roofing = textures.metal_sheet if rng.random() < 0.12 else textures.shingles
+        kinds = (textures.shingles, textures.pantiles, textures.metal_sheet)
+        self.roofing = kinds[int(rng.choice(3, p=[0.65, 0.2, 0.15]))]
         self.trim = self.model.patch(textures.plain(rng, self.style.trim_rgb))
         self.soffit = self.model.patch(
             textures.plain(rng, textures.times(self.style.trim_rgb, 0.75))
@@ -41,25 +43,29 @@ class _House:
         bottom: float,
         top: float,
         openings: Sequence[Opening],
-        gable_m: float = 0.0,
+        slopes: Sequence[float] = (),
     ) -> None:
-        """A painted wall seen from the right of a -> b, with a gable of that height on it."""
+        """A painted wall seen from the right of a -> b, with a gable of those slopes on it."""
         width = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        height = top - bottom + gable_m
+        gable = roofs.profile(width / 2, slopes) if slopes else np.zeros((1, 2))
+        height = top - bottom + gable[-1, 1]
         patch = self.model.patch(facades.paint(self.rng, self.style, width, height, openings))
         part = wall(a, b, bottom, top)
-        if gable_m:
-            v = (top - bottom) / height
-            apex = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, top + gable_m)
-            corners = [*part.points[:3], apex, part.points[3]]
-            part = polygon(corners, [(0, 0), (1, 0), (1, v), (0.5, 1), (0, v)])
+        if slopes:
+            left = gable + np.array([0.0, top - bottom])
+            right = left[:-1] * (-1.0, 1.0) + (width, 0.0)
+            uv = np.vstack([(0, 0), (width, 0), right, left[::-1]]) / (width, height)
+            along = np.array(a) + uv[:, :1] * (np.array(b) - a)
+            part = polygon(np.column_stack([along, bottom + uv[:, 1] * height]), uv)
         self.model.add(part, patch)
 
     def roof(self, kind: str, rect: Rect, top: float, overhang: float = 0.35) -> None:
         """A roof on a rectangle; its textures are drawn to scale."""
-        faces = roofs.roof(
-            kind, (rect.x0, rect.y0, rect.x1, rect.y1), top, self.plan.pitch, overhang
-        )
+        corners = (rect.x0, rect.y0, rect.x1, rect.y1)
+        if kind == "gambrel":
+            faces = roofs.gambrel(corners, top, self.plan.slopes, overhang)
+        else:
+            faces = roofs.roof(kind, corners, top, self.plan.pitch, overhang)
         scale = 18.0  # texels a metre
         shape = (max(8, int(faces.slope_m * scale)), max(8, int(faces.length_m * scale)))
         patch = self.model.patch(self.roofing(self.rng, shape, self.roof_rgb, scale))
@@ -82,8 +88,17 @@ def build(plan: HousePlan, rng: np.random.Generator, index: int) -> tuple[Surfac
         _wing(house, plan.wing)
     if plan.porch:
         _porch(house, plan.porch)
+    if plan.bay:
+        _bay(house, plan.bay)
     if plan.chimney:
-        _chimney(house, plan.chimney)
+        r = plan.chimney
+        _chimney(house, (r.x0, r.y0, 0.0), (r.x1, r.y1))
+    if plan.stack_xy_m:
+        x, y = plan.stack_xy_m
+        foot = plan.top_m + plan.ridge_m - 1.0
+        _chimney(house, (x - 0.35, y - 0.25, foot), (x + 0.35, y + 0.25))
+    if plan.on_roof != "none":
+        _on_roof(house)
     for k in range(plan.dormers):
         _dormer(house, plan.main.x0 + plan.main.width_m * (k + 1) / (plan.dormers + 1))
     return (house.model.surface(),)
@@ -113,12 +128,11 @@ def _windows(
 
 def _main_block(house: _House) -> None:
     plan, r, top = house.plan, house.plan.main, house.plan.top_m
-    gable = {"gable_x": ("", "rl"), "gable_y": ("", "fb"), "hip": ("", "")}[plan.roof][1]
-    rise = plan.pitch * (r.depth_m if plan.roof == "gable_x" else r.width_m) / 2
+    gable = {"gable_x": "rl", "gable_y": "fb", "gambrel": "fb", "hip": ""}[plan.roof]
+    rise = plan.ridge_m
     door = Opening("door", plan.door_x_m - r.x0, 0.15, 0.95, 2.05)
     in_front = [(door.x_m - 0.9, door.x_m + 1.3)]
-    if plan.wing:
-        in_front.append((plan.wing.x0 - r.x0, plan.wing.x1 - r.x0))
+    in_front += [(part.x0 - r.x0, part.x1 - r.x0) for part in (plan.wing, plan.bay) if part]
     left, right = _covered_sides(plan)
     w, d, n = r.width_m, r.depth_m, plan.storeys
     sides = {
@@ -130,9 +144,15 @@ def _main_block(house: _House) -> None:
     for side, (a, b, openings) in sides.items():
         if side in gable:
             width = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-            if rise > 1.6:
+            if plan.roof == "gambrel":
+                wide, high = plan.window_m
+                openings += [
+                    Opening("window", width * u, top + 0.5, min(wide, 1.1), high)
+                    for u in (0.36, 0.64)
+                ]
+            elif rise > 1.6:
                 openings.append(Opening("window", width / 2, top + 0.15, 0.7, min(1.0, rise - 1.0)))
-            house.wall(a, b, 0.0, top, openings, rise)
+            house.wall(a, b, 0.0, top, openings, plan.slopes)
         else:
             house.wall(a, b, 0.0, top, openings)
     house.roof(plan.roof, r, top)
@@ -156,7 +176,7 @@ def _covered_sides(plan: HousePlan) -> tuple[_Intervals, _Intervals]:
 def _garage(house: _House, r: Rect) -> None:
     plan, rng = house.plan, house.rng
     top = 2.55
-    rise = 0.0 if plan.garage_flat else plan.pitch * r.width_m / 2
+    rise = () if plan.garage_flat else (plan.pitch,)
     door = Opening("garage", r.width_m / 2, 0.02, r.width_m - 0.7, 2.1)
     house.wall((r.x0, r.y0), (r.x1, r.y0), 0.0, top, [door], rise)
     house.wall((r.x1, r.y1), (r.x0, r.y1), 0.0, top, _windows(house, r.width_m, 1), rise)
@@ -186,9 +206,8 @@ def _lid(r: Rect, z: float, rim: float) -> Part:
 
 def _wing(house: _House, r: Rect) -> None:
     plan, top = house.plan, house.plan.top_m
-    rise = plan.pitch * r.width_m / 2
     openings = _windows(house, r.width_m, plan.storeys, chance=1.0)
-    house.wall((r.x0, r.y0), (r.x1, r.y0), 0.0, top, openings, rise)
+    house.wall((r.x0, r.y0), (r.x1, r.y0), 0.0, top, openings, (plan.pitch,))
     house.wall((r.x1, r.y0), (r.x1, r.y1), 0.0, top, [])
     house.wall((r.x0, r.y1), (r.x0, r.y0), 0.0, top, [])
     # Run back into the main roof until the ridges' slopes meet.
@@ -203,9 +222,11 @@ def _porch(house: _House, r: Rect) -> None:
     house.model.add(box((r.x0, r.y0, 0.0), (r.x1, r.y1, 0.15), sides="flr"), deck)
     if r.depth_m < 1.0:
         return
-    n = 2 + int(r.width_m > 2.6) + int(r.width_m > 3.8)
+    n = 2 + int(r.width_m > 2.6) + int(r.width_m > 3.8) + int(r.width_m > 5.5)
     for k in range(n):
         x = r.x0 + 0.1 + (r.width_m - 0.2) * k / (n - 1)
+        if abs(x - house.plan.door_x_m) < 0.65:  # it would stand in the way
+            continue
         house.plain(
             box((x - 0.07, r.y0 + 0.03, 0.15), (x + 0.07, r.y0 + 0.17, _PORCH_ROOF_M), top=False)
         )
@@ -234,19 +255,80 @@ def _porch(house: _House, r: Rect) -> None:
     house.plain(slope.fascia)
 
 
-def _chimney(house: _House, r: Rect) -> None:
+def _bay(house: _House, r: Rect) -> None:
+    """A bay window: three walls under a little roof."""
     plan, rng = house.plan, house.rng
-    ridge = plan.top_m + plan.pitch * min(plan.main.width_m, plan.main.depth_m) / 2
-    top = ridge + rng.uniform(0.3, 0.8)
+    top = 2.2
+    h = min(plan.window_m[1], 1.2)
+    wide = Opening("window", r.width_m / 2, 0.8, r.width_m - 0.5, h)
+    narrow = Opening("window", r.depth_m / 2, 0.8, r.depth_m - 0.3, h)
+    sides = [narrow] if r.depth_m > 0.6 else []
+    house.wall((r.x0, r.y0), (r.x1, r.y0), 0.0, top, [wide])
+    house.wall((r.x1, r.y0), (r.x1, r.y1), 0.0, top, sides)
+    house.wall((r.x0, r.y1), (r.x0, r.y0), 0.0, top, sides)
+    low, high = top, top + 0.3
+    slope = roofs.slab(
+        [
+            (r.x0 - 0.12, r.y0 - 0.12, low),
+            (r.x1 + 0.12, r.y0 - 0.12, low),
+            (r.x1 + 0.12, r.y1, high),
+            (r.x0 - 0.12, r.y1, high),
+        ],
+        0.1,
+    )
+    shape = (max(8, int(slope.slope_m * 20)), int(slope.length_m * 20))
+    patch = house.model.patch(house.roofing(rng, shape, house.roof_rgb, 20.0))
+    house.model.add(slope.cover, patch)
+    house.model.add(slope.soffit, house.soffit, 0.6)
+    house.plain(slope.fascia)
+
+
+def _chimney(house: _House, low: tuple[float, float, float], high: tuple[float, float]) -> None:
+    """A brick chimney between two corners, from a foot up over the ridge."""
+    plan, rng = house.plan, house.rng
+    (x0, y0, foot), (x1, y1) = low, high
+    top = plan.top_m + plan.ridge_m + rng.uniform(0.4, 0.9)
     colour = textures.hsv(rng.uniform(0, 40), rng.uniform(0.2, 0.6), rng.uniform(0.45, 0.75))
-    shape = (round(top * 30), round(1.2 * 30))
+    shape = (round((top - foot) * 30), round(1.2 * 30))
     patch = house.model.patch(textures.brick(rng, shape, colour, 30.0))
-    house.model.add(box((r.x0, r.y0, 0.0), (r.x1, r.y1, top), top=False), patch)
+    house.model.add(box((x0, y0, foot), (x1, y1, top), top=False), patch)
     cap = house.model.patch(textures.plain(rng, (150.0, 146.0, 140.0), (16, 16), 0.12))
     house.model.add(
-        box((r.x0 - 0.06, r.y0 - 0.06, top), (r.x1 + 0.06, r.y1 + 0.06, top + 0.14), bottom=True),
-        cap,
+        box((x0 - 0.06, y0 - 0.06, top), (x1 + 0.06, y1 + 0.06, top + 0.14), bottom=True), cap
     )
+
+
+def _on_roof(house: _House) -> None:
+    """Solar panels or skylights on the front slope of a roof whose ridge runs along the front."""
+    plan, rng, r = house.plan, house.rng, house.plan.main
+    n = int(rng.integers(1, 4))
+    width, rows = (1.7, (0.18, 0.85)) if plan.on_roof == "panels" else (0.8, (0.4, 0.68))
+    first = rng.uniform(0.08, 0.3) * r.width_m + r.x0
+    step = width + (0.06 if plan.on_roof == "panels" else rng.uniform(0.6, 1.4))
+    glass = textures.plain(rng, (32.0, 42.0, 72.0), (48, 30), 0.06)
+    if plan.on_roof == "panels":
+        glass[::8] = glass[:, ::10] = (120, 130, 150)
+    else:
+        cv2.line(glass, (0, 40), (29, 12), (150, 175, 195), 4, cv2.LINE_AA)
+    cv2.rectangle(glass, (0, 0), (29, 47), (190, 192, 195), 2)
+    patch = house.model.patch(glass)
+    near, far = (share * r.depth_m / 2 for share in rows)
+    z0, z1 = (plan.top_m + plan.pitch * y + 0.13 for y in (near, far))
+    for k in range(n):
+        x = first + k * step
+        if x + width > r.x1 - 0.2:
+            return
+        pane = roofs.slab(
+            [
+                (x, r.y0 + near, z0),
+                (x + width, r.y0 + near, z0),
+                (x + width, r.y0 + far, z1),
+                (x, r.y0 + far, z1),
+            ],
+            0.09,
+        )
+        house.model.add(pane.cover, patch)
+        house.plain(pane.fascia)
 
 
 def _dormer(house: _House, x: float) -> None:
@@ -263,7 +345,7 @@ def _dormer(house: _House, x: float) -> None:
         foot,
         top,
         [Opening("window", w / 2, 0.2, 0.8, 0.75)],
-        rise,
+        (plan.pitch,),
     )
     for side in ((rect.x1, front, rect.x1, rect.y1), (rect.x0, rect.y1, rect.x0, front)):
         house.plain(wall(side[:2], side[2:], foot, top), 0.9)

@@ -1,4 +1,4 @@
-"""Lots along streets, and the house, driveway and path on each."""
+"""Lots along streets, and what is built on each: a house with driveway and path, a shop, a barn."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -8,13 +8,16 @@ import shapely
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
+from vrchain.scene.barn import BarnPlan
 from vrchain.scene.house_plans import HousePlan
-from vrchain.scene.streets import Streets
+from vrchain.scene.shop_plans import ShopPlan
+from vrchain.scene.streets import TURNING_M, Street, Streets
 
 _DEPTH_M = 22.0
-_WIDTH_M = (15.8, 18.0)
-_TIGHT_M = ((15.5, 22.0), (15.5, 18.8))  # width and depth, where a whole lot does not fit
+_WIDTH_M = (14.8, 17.4)
+_TIGHT_M = ((14.5, 22.0), (14.5, 18.8))  # width and depth, where a whole lot does not fit
 _SIDE_M = 0.85  # from a house to its lot's side
+_RIM_M = 0.35  # of a lot that its neighbour's may overlap
 DRIVEWAY_M = 2.7
 
 
@@ -41,6 +44,11 @@ class Lot:
         """A rectangle of the lot's frame in the world."""
         return shapely.Polygon(self.to_world(np.array([(u0, v0), (u1, v0), (u1, v1), (u0, v1)])))
 
+    @property
+    def middle_xy_m(self) -> NDArray[np.float64]:
+        """The middle in the world, (2,)."""
+        return self.to_world(np.array([0.0, self.depth_m / 2]))
+
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The whole lot."""
@@ -49,7 +57,8 @@ class Lot:
     @cached_property
     def inner(self) -> shapely.Polygon:
         """The lot less a rim; rims of neighbours may overlap where a street bends."""
-        return self.polygon.buffer(-0.35)
+        half = self.width_m / 2 - _RIM_M
+        return self.rectangle(-half, _RIM_M, half, self.depth_m - _RIM_M)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +97,32 @@ class Homestead:
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Premises:
+    """A lot with a shop or a barn."""
+
+    kind: str  # "shop" or "barn"
+    lot: Lot
+    plan: ShopPlan | BarnPlan
+    centre_uv_m: tuple[float, float]  # the plan's middle
+
+    @property
+    def pose(self) -> Pose:
+        return self.lot.pose(*self.centre_uv_m)
+
+    @cached_property
+    def yard(self) -> shapely.Polygon:
+        """What is paved from the pavement to a shop's whole front, or to a barn's door."""
+        u, v = self.centre_uv_m
+        main = self.plan.main
+        if isinstance(self.plan, BarnPlan):
+            u += (main.x0 + main.x1) / 2
+            half = self.plan.door_m[0] / 2 + 0.3
+        else:
+            half = self.plan.main.width_m / 2 + 0.6
+        return self.lot.rectangle(u - half, 0.0, u + half, v + main.y0)
+
+
 def draw_lots(
     streets: Streets, extent_m: tuple[float, float], rng: np.random.Generator
 ) -> list[Lot]:
@@ -109,16 +144,35 @@ def draw_lots(
                 yaw = heading if side > 0 else heading + np.pi
                 sizes = ((float(width), _DEPTH_M), *_TIGHT_M)
                 tries = [Lot(front, float(yaw), *size) for size in sizes]
-                lot = next((lot for lot in tries if fits(lot.inner)), None)
-                if lot is None:
+                if not fits(tries[-1].inner):  # the least, so no other does
                     along += 0.5
                     continue
+                lot = next(lot for lot in tries if fits(lot.inner))
                 lots.append(lot)
                 taken.append(lot.inner)
                 along += lot.width_m / 2
                 width = rng.uniform(*_WIDTH_M)
                 along += width / 2
+    for street in streets.lines:
+        for lot in _round_head(street, streets):
+            if fits(lot.inner):
+                lots.append(lot)
+                taken.append(lot.inner)
     return lots
+
+
+def _round_head(street: Street, streets: Streets) -> list[Lot]:
+    """Lots that look at the turning circle where a street ends: ahead, left, right."""
+    if street.head is None:
+        return []
+    _, heading = street.at(street.line.length)
+    found = []
+    for turn in (0.0, 1.15, -1.15):
+        yaw = heading + turn - np.pi / 2
+        outward = np.array([np.cos(heading + turn), np.sin(heading + turn)])
+        front = np.array([street.head.x, street.head.y]) + outward * (streets.half_m + TURNING_M)
+        found.append(Lot(front, float(yaw), *_TIGHT_M[0]))
+    return found
 
 
 def settle(lot: Lot, plan: HousePlan, setback_m: float, rng: np.random.Generator) -> Homestead:
@@ -133,3 +187,17 @@ def settle(lot: Lot, plan: HousePlan, setback_m: float, rng: np.random.Generator
         u = -side * room
         drive = side * (lot.width_m / 2 - DRIVEWAY_M / 2 - 0.4)
     return Homestead(lot, plan, (u, setback_m + depth / 2), drive)
+
+
+def occupy(
+    kind: str,
+    lot: Lot,
+    plan: ShopPlan | BarnPlan,
+    setback_m: tuple[float, float],
+    rng: np.random.Generator,
+) -> Premises:
+    """A shop or a barn on its lot, somewhere between its sides, set back if there is room."""
+    width, depth = plan.size_m
+    room = max(0.0, lot.width_m / 2 - width / 2 - _SIDE_M)
+    setback = min(float(rng.uniform(*setback_m)), lot.depth_m - depth - _SIDE_M)
+    return Premises(kind, lot, plan, (float(rng.uniform(-room, room)), setback + depth / 2))

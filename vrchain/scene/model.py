@@ -14,7 +14,9 @@ from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import PoseError
 from vrchain.geometry import Pose, rotation_z
+from vrchain.scene.spec import LightSpec
 
+OPAQUE = 128  # alpha from which a texel is solid
 ROBOT_RADIUS_M = 0.4  # circle around a Pioneer P3-AT's 0.51 x 0.50 m footprint, and a little more
 _OBSTACLE_HEIGHT_M = (
     0.05,
@@ -28,8 +30,9 @@ class Surface:
 
     vertices_m: (n, 3) float32; faces: (m, 3) int32, anticlockwise seen from outside;
     uv: (n, 2) float32, v upwards from the texture's bottom row, repeating beyond 0..1;
-    shade: (n,) float32 in 0..1, baked light that multiplies the texture;
-    texture: (h, w, 3) uint8 RGB, top row first.
+    shade: (n,) or (n, 3) float32 in 0..1, baked light that multiplies the texture, white or RGB;
+    texture: (h, w, 3) uint8 RGB, top row first; or (h, w, 4): a cut-out, in which a texel whose
+    alpha is below ``OPAQUE`` is see-through, all or nothing, and what lies behind shows.
     """
 
     vertices_m: NDArray[np.float32]
@@ -37,6 +40,11 @@ class Surface:
     uv: NDArray[np.float32]
     shade: NDArray[np.float32]
     texture: NDArray[np.uint8]
+
+    @property
+    def cut_out(self) -> bool:
+        """Whether it may be see-through in places."""
+        return self.texture.shape[2] == 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,11 +112,27 @@ def place(
 
 
 @dataclass(frozen=True, eq=False)
+class LightMap:
+    """Baked light on flat ground, z = 0, that multiplies its texture and shade.
+
+    image: (h, w, 3) uint8 RGB, the northernmost row first; low_m, high_m: (2,) its lowest and
+    highest corner, (x, y). Beyond them it goes on as at its edge.
+    """
+
+    image: NDArray[np.uint8]
+    low_m: NDArray[np.float64]
+    high_m: NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A world: objects in a fixed order (their index is their id), and a sky.
 
     extent_m: (x, y) size; the map spans -x/2..x/2 and -y/2..y/2. The sky is drawn but is no
-    object: it has no id, and rays pass through it.
+    object: it has no id, and rays pass through it. light: the sun in the objects' shades;
+    ground_light: what is lit by it lies on z = 0 all over.
+    robots: where its own robots stand, by name, and ``goal`` what the first of them looks for, in a
+    scene that sets a task.
     """
 
     name: str
@@ -116,6 +140,10 @@ class Scene:
     objects: tuple[SceneObject, ...]
     sky: Surface | None = None
     sky_rgb: tuple[int, int, int] = (168, 200, 232)
+    light: LightSpec = field(default_factory=LightSpec)
+    ground_light: LightMap | None = None
+    robots: tuple[tuple[str, Pose], ...] = ()
+    goal: str | None = None
     _names: dict[str, int] = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

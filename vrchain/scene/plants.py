@@ -1,15 +1,24 @@
-"""Trees of several species, hedges and bushes; foliage is made of leafy lumps."""
+"""Trees of several species, hedges and bushes: wood, and leaves on cut-out cards."""
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.scene import textures
+from vrchain.scene import crowns, foliage, seasons, textures
 from vrchain.scene.model import Surface
-from vrchain.scene.shapes import Model, Part, blob, join, polygon, tube
+from vrchain.scene.shapes import Image, Model, blob, join, polygon, tube
 
 SPECIES = ("broadleaf", "broadleaf", "poplar", "conifer", "birch", "willow")
+_CROWNS = {
+    "broadleaf": crowns.broadleaf,
+    "birch": crowns.birch,
+    "poplar": crowns.poplar,
+    "willow": crowns.willow,
+    "conifer": crowns.conifer,
+}
+_UPRIGHT = ("poplar", "conifer", "birch")  # a slim straight trunk, up to the tip
 
 
 @dataclass(frozen=True)
@@ -34,220 +43,148 @@ def draw_tree(rng: np.random.Generator, height_m: tuple[float, float]) -> TreePl
     return TreePlan(species, height, radius, foot)
 
 
-def _bumps(rng: np.random.Generator, strength: float) -> "_Bulge":
-    return _Bulge(rng.normal(0, 2.6, (9, 3)), rng.uniform(0, 2 * np.pi, 9), strength)
+def _leaf_colour(rng: np.random.Generator, species: str, season: str) -> textures.Colour:
+    """What a tree's leaves are like on the whole."""
+    return seasons.leaf(_summer_colour(rng, species), season, evergreen=species == "conifer")
 
 
-@dataclass(frozen=True, eq=False)
-class _Bulge:
-    """Waves over a ball: an uneven outline."""
-
-    waves: NDArray[np.float64]
-    phases: NDArray[np.float64]
-    strength: float
-
-    def __call__(self, unit: NDArray[np.float64]) -> NDArray[np.float64]:
-        total: NDArray[np.float64] = np.sin(unit @ self.waves.T + self.phases).sum(axis=1)
-        return 1 + self.strength * total / np.sqrt(len(self.phases) / 2)
-
-
-def _leaf_patch(rng: np.random.Generator, model: Model, species: str) -> int:
-    hue = {"conifer": (100, 160), "willow": (62, 95), "birch": (58, 100), "poplar": (75, 115)}
-    low, high = hue.get(species, (55, 125))
-    colour = textures.hsv(rng.uniform(low, high), rng.uniform(0.35, 0.7), rng.uniform(0.42, 0.7))
-    if (
-        species == "broadleaf" and rng.random() < 0.18
-    ):  # a copper beech, a maple, a cherry in flower
-        colour = textures.hsv(
-            rng.choice([-25, 8, 28, 325]), rng.uniform(0.35, 0.65), rng.uniform(0.5, 0.75)
+def _summer_colour(rng: np.random.Generator, species: str) -> textures.Colour:
+    hue = {"conifer": (100, 160), "willow": (62, 95), "birch": (58, 100), "poplar": (72, 112)}
+    low, high = hue.get(species, (55, 118))
+    if species == "broadleaf" and rng.random() < 0.18:  # a copper beech, a maple, a cherry
+        return textures.hsv(
+            rng.choice([-25, 8, 28, 325]), rng.uniform(0.35, 0.65), rng.uniform(0.55, 0.8)
         )
-    return model.patch(textures.leaves(rng, (128, 192), colour, rng.uniform(4.5, 8.0)))
+    return textures.hsv(rng.uniform(low, high), rng.uniform(0.3, 0.6), rng.uniform(0.48, 0.76))
 
 
-def build_tree(plan: TreePlan, rng: np.random.Generator) -> tuple[Surface, ...]:
-    """A tree standing at the origin."""
-    model = Model()
-    leaf = _leaf_patch(rng, model, plan.species)
+def build_tree(
+    plan: TreePlan, rng: np.random.Generator, season: str = "summer"
+) -> tuple[Surface, ...]:
+    """A tree standing at the origin: its wood, and its leaves cut out of cards."""
+    colour = _leaf_colour(rng, plan.species, season)
+    wood, leaves = Model(), Model()
+    bark = wood.patch(_bark(rng, plan.species))
+    share = {"conifer": 0.97, "poplar": 0.8, "birch": 0.93}.get(plan.species, 0.6)
+    top = _trunk(plan, rng, wood, bark, share * plan.height_m)
+    floor = _floor_m(plan)
+    crown = _CROWNS[plan.species](rng, top, floor, plan.height_m, plan.canopy_radius_m)
+    for start, end in crown.limbs_m:
+        wood.add(tube(start, end, 0.011 * plan.height_m, 0.004 * plan.height_m, 3), bark, 0.7)
+    if plan.species == "conifer":
+        pictures = [foliage.bough(rng, (112, 80), colour) for _ in range(2)]
+    else:
+        leaf_px, slim = rng.uniform(7.5, 12), rng.uniform(0.4, 0.75)
+        pictures = [foliage.twig(rng, 80, colour, leaf_px, slim) for _ in range(3)]
+    _add_cards(leaves, plan, floor, crown.twigs, pictures, rng)
+    if crown.hanging is not None:
+        pictures = [foliage.strands(rng, (160, 48), colour) for _ in range(2)]
+        _add_cards(leaves, plan, floor, crown.hanging, pictures, rng)
+    return wood.surface(), leaves.surface()
+
+
+def _floor_m(plan: TreePlan) -> float:
+    """Where its leaves begin: robots pass below, but for conifers."""
+    h = plan.height_m
+    return {"conifer": 0.1 * h, "poplar": max(1.7, 0.18 * h)}.get(plan.species, max(1.75, 0.28 * h))
+
+
+def _bark(rng: np.random.Generator, species: str) -> Image:
     hue, grey = rng.uniform(15, 40), rng.uniform(0.3, 0.55)
-    bark_rgb = textures.hsv(hue, 0.3, grey)
-    if plan.species == "birch":
-        bark_rgb = textures.hsv(hue, 0.04, 0.9)
-    bark = model.patch(textures.bark(rng, (72, 48), bark_rgb))
-    {"conifer": _conifer, "poplar": _poplar}.get(plan.species, _broadleaf)(
-        plan, rng, model, leaf, bark
-    )
-    return (model.surface(),)
+    if species != "birch":
+        return textures.bark(rng, (72, 48), textures.hsv(hue, 0.3, grey))
+    image = textures.bark(rng, (72, 48), textures.hsv(hue, 0.04, 0.9))
+    for _ in range(26):  # dark lines across the white
+        x, y = int(rng.integers(48)), int(rng.integers(72))
+        cv2.line(image, (x, y), (x + int(rng.integers(3, 12)), y), (52, 48, 46), 1)
+    return image
+
+
+def _add_cards(
+    leaves: Model,
+    plan: TreePlan,
+    floor_m: float,
+    all_cards: foliage.Cards,
+    pictures: list[Image],
+    rng: np.random.Generator,
+) -> None:
+    """Cards of a crown, each with one of the pictures; darker deep inside it and low in it."""
+    half_m = (plan.height_m - floor_m) / 2
+    scale = np.array([plan.canopy_radius_m, plan.canopy_radius_m, half_m])
+    for first, picture in enumerate(pictures):
+        part = all_cards.every(len(pictures), first).part()
+        np.maximum(part.points[:, 2], floor_m, out=part.points[:, 2])
+        off = (part.points - (0, 0, floor_m + half_m)) / scale
+        depth = np.clip(np.linalg.norm(off, axis=1), 0, 1)
+        light = 0.55 + 0.37 * depth**1.5 + 0.12 * off[:, 2] + rng.uniform(-0.05, 0.05)
+        leaves.add(part, leaves.patch(picture), np.clip(light, 0.35, 1.0))
 
 
 def _trunk(
     plan: TreePlan, rng: np.random.Generator, model: Model, bark: int, top: float
 ) -> NDArray[np.float64]:
     """A slightly bent trunk; returns its upper end."""
-    radius = 0.024 * plan.height_m + 0.03
-    knee = np.array([*rng.uniform(-0.06, 0.06, 2) * top, 0.5 * top])
-    end = np.array([*(1.4 * knee[:2] + rng.normal(0, 0.03 * top, 2)), top])
+    slim, bend = (0.017, 0.4) if plan.species in _UPRIGHT else (0.022, 1.0)
+    radius = slim * plan.height_m + 0.03
+    knee = np.array([*(bend * rng.uniform(-0.06, 0.06, 2) * top), 0.5 * top])
+    end = np.array([*(1.4 * knee[:2] + bend * rng.normal(0, 0.03 * top, 2)), top])
     flare = tube((0, 0, 0), knee * (0.3, 0.3, 0.3), 1.45 * radius, radius, 8)
     np.maximum(flare.points[:, 2], 0.0, out=flare.points[:, 2])  # its foot is tilted
     model.add(flare, bark, 0.85)
-    model.add(
-        join(
-            [
-                tube(knee * 0.3, knee, radius, 0.85 * radius),
-                tube(knee, end, 0.85 * radius, 0.5 * radius),
-            ]
-        ),
-        bark,
-    )
+    lower = tube(knee * 0.3, knee, radius, 0.8 * radius)
+    upper = tube(knee, end, 0.8 * radius, 0.5 * radius if top < 0.7 * plan.height_m else 0.02)
+    model.add(join([lower, upper]), bark)
     return end
 
 
-def _lump(
-    rng: np.random.Generator,
-    model: Model,
-    leaf: int,
-    centre: NDArray[np.float64],
-    radii: NDArray[np.float64],
-    floor: float,
-    n: int = 8,
-) -> None:
-    """A leafy lump, darker below, with tufts that break its outline; all above ``floor``."""
-    part = blob(centre, radii, _bumps(rng, 0.12), n=n, rings=n // 2 + 2)
-    part.points[:, 2] = np.maximum(part.points[:, 2], floor)
-    part.uv[:, 0] *= rng.uniform(0.55, 1.0)
-    tone = rng.uniform(-0.1, 0.06)
-    tufts = _tufts(rng, part, centre, min(0.22 * float(radii.min()), 0.28))
-    for piece, light in ((part, tone), (tufts, tone + 0.05)):
-        up = (piece.points[:, 2] - centre[2]) / radii[2]
-        model.add(piece, leaf, np.clip(0.8 + 0.22 * up + light, 0.4, 1.0))
-
-
-def _tufts(
-    rng: np.random.Generator, part: Part, centre: NDArray[np.float64], size_m: float
-) -> Part:
-    """Ragged triangles of leaves, one on many of a lump's faces."""
-    faces = part.faces[rng.permutation(len(part.faces))[: len(part.faces) // 3]]
-    foot = part.points[faces].mean(axis=1)
-    out = foot - centre
-    out /= np.maximum(np.linalg.norm(out, axis=1, keepdims=True), 1e-9)
-    across = np.cross(out, rng.normal(size=out.shape))
-    across *= (
-        size_m
-        * rng.uniform(0.5, 1.0, (len(out), 1))
-        / np.linalg.norm(across, axis=1, keepdims=True)
-    )
-    tip = foot + size_m * (0.7 * out + rng.normal(0, 0.55, out.shape))
-    foot = foot - 0.2 * size_m * out
-    points = np.stack([foot - across, foot + across, tip], axis=1)
-    # The side that is seen from outside is the one that its own normal points to.
-    normal = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-    inward = np.einsum("ij,ij->i", normal, out) < 0
-    points[inward] = points[inward][:, ::-1]
-    low = rng.uniform(0, 0.8, (len(out), 1, 2))
-    uv = low + np.array([(0.0, 0.0), (0.14, 0.0), (0.07, 0.18)])
-    flat = points.reshape(-1, 3)
-    flat[:, 2] = np.maximum(flat[:, 2], part.points[:, 2].min())
-    return Part(flat, np.arange(len(flat)).reshape(-1, 3), uv.reshape(-1, 2))
-
-
-def _broadleaf(
-    plan: TreePlan, rng: np.random.Generator, model: Model, leaf: int, bark: int
-) -> None:
-    h, r = plan.height_m, plan.canopy_radius_m
-    floor = max(1.75, 0.28 * h)
-    top = _trunk(plan, rng, model, bark, 0.6 * h)
-    middle, tall = (h + floor) / 2, (h - floor) / 2
-    n = int(rng.integers(6, 10))
-    turn = rng.uniform(0, 2 * np.pi)
-    for k in range(n):
-        angle = turn + 2.4 * k  # the golden angle spreads lumps evenly
-        level = (k + 0.5) / n * 2 - 1
-        out = 0.55 * r * np.sqrt(1 - 0.6 * level**2) * rng.uniform(0.8, 1.1)
-        centre = np.array([out * np.cos(angle), out * np.sin(angle), middle + 0.55 * tall * level])
-        centre[:2] += 0.5 * top[:2]
-        size = rng.uniform(0.4, 0.58) * r
-        drop = 1.6 if plan.species == "willow" else 0.9
-        _lump(rng, model, leaf, centre, np.array([size, size, min(size * drop, 0.7 * tall)]), floor)
-        model.add(tube(top * (0.8, 0.8, 0.75), centre, 0.012 * h, 0.004 * h, 3), bark, 0.7)
-    crown = np.array([*top[:2], middle + 0.3 * tall])
-    _lump(rng, model, leaf, crown, np.array([0.55 * r, 0.55 * r, 0.6 * tall]), floor)
-
-
-def _poplar(plan: TreePlan, rng: np.random.Generator, model: Model, leaf: int, bark: int) -> None:
-    h, r = plan.height_m, plan.canopy_radius_m
-    _trunk(plan, rng, model, bark, 0.4 * h)
-    floor = max(1.7, 0.18 * h)
-    tall = (h - floor) / 2
-    _lump(
-        rng,
-        model,
-        leaf,
-        np.array([0, 0, floor + tall]),
-        np.array([0.85 * r, 0.85 * r, 0.97 * tall]),
-        floor,
-        n=11,
-    )
-    n = int(rng.integers(5, 8))
-    for k in range(n):
-        level = (k + 0.6) / n
-        out, angle = 0.35 * r * (1 - 0.7 * level), 2.4 * k + rng.uniform(0, 0.6)
-        centre = np.array([out * np.cos(angle), out * np.sin(angle), floor + 1.75 * tall * level])
-        width = 0.75 * r * (1 - 0.55 * level)
-        _lump(rng, model, leaf, centre, np.array([width, width, 0.3 * tall]), floor, n=7)
-
-
-def _conifer(plan: TreePlan, rng: np.random.Generator, model: Model, leaf: int, bark: int) -> None:
-    h, r = plan.height_m, plan.canopy_radius_m
-    model.add(tube((0, 0, 0), (0, 0, 0.3 * h), 0.03 * h, 0.02 * h), bark, 0.8)
-    n = int(rng.integers(4, 7))
-    low = rng.uniform(0.45, 0.9)
-    for k in range(n):
-        foot = low + (h - low) * (k / n) ** 0.9
-        top = min(h, foot + (h - low) / n * rng.uniform(1.6, 2.1))
-        radius = r * (1 - k / n) ** 0.8
-        skirt = tube(
-            (*rng.normal(0, 0.03, 2), foot), (0, 0, h if k == n - 1 else top), radius, 0.04, 12
-        )
-        ragged = rng.uniform(0.8, 1.0, 13)
-        ragged[-1] = ragged[0]
-        skirt.points[:13, :2] *= ragged[:, None]
-        skirt.points[:13, 2] += 0.1 * radius * rng.uniform(-1, 1)
-        shade = np.where(np.arange(26) < 13, 0.72, 1.0)
-        model.add(skirt, leaf, shade)
-        lid = blob((0, 0, foot + 0.02), (0.93 * radius, 0.93 * radius, 0.1 * radius), n=12, rings=4)
-        model.add(lid, leaf, 0.4)
-
-
-def build_bush(size_m: float, rng: np.random.Generator) -> tuple[Surface, ...]:
+def build_bush(
+    size_m: float, rng: np.random.Generator, season: str = "summer"
+) -> tuple[Surface, ...]:
     """A shrub of two to four lumps within ``size_m`` of width, on the ground."""
-    model = Model()
-    colour = textures.hsv(rng.uniform(55, 140), rng.uniform(0.35, 0.7), rng.uniform(0.4, 0.7))
-    image = textures.leaves(rng, (72, 128), colour, rng.uniform(4.0, 7.0))
+    green = textures.hsv(rng.uniform(55, 140), rng.uniform(0.35, 0.7), rng.uniform(0.45, 0.75))
+    colour = seasons.leaf(green, season, evergreen=False)
+    leaf_px, slim = rng.uniform(7, 12), rng.uniform(0.35, 0.8)
+    pictures = [foliage.twig(rng, 64, colour, leaf_px, slim) for _ in range(2)]
     if rng.random() < 0.5:  # in flower
-        petal = textures.hsv(rng.uniform(-60, 60), rng.uniform(0.3, 0.8), 0.95)
-        spots = textures.noise(rng, (72, 128), 3, tile=True) > 1.4
-        image[spots] = petal
-    leaf = model.patch(image)
+        bloom = textures.hsv(rng.uniform(-60, 60), rng.uniform(0.3, 0.8), 0.95)
+        petal = bloom if seasons.blooms(season) else colour
+        for picture in pictures:
+            foliage.strew(rng, picture, petal, 14)
+    inside, leaves = Model(), Model()
+    dark = inside.patch(textures.leaves(rng, (48, 64), textures.times(colour, 0.7), 5.0))
     r = size_m / 2
     for k in range(int(rng.integers(2, 5))):
         angle = 2.4 * k + rng.uniform(0, 1)
-        size = rng.uniform(0.45, 0.6) * r
-        height = rng.uniform(0.7, 1.1) * r
-        centre = np.array([0.4 * r * np.cos(angle), 0.4 * r * np.sin(angle), 0.62 * height])
-        _lump(rng, model, leaf, centre, np.array([size, size, height]), 0.0)
-    return (model.surface(),)
+        size, height = rng.uniform(0.42, 0.55) * r, rng.uniform(0.7, 1.1) * r
+        centre = np.array([0.36 * r * np.cos(angle), 0.36 * r * np.sin(angle), 0.62 * height])
+        radii = np.array([size, size, height])
+        core = blob(centre, 0.6 * radii, n=7, rings=5)
+        np.maximum(core.points[:, 2], 0.0, out=core.points[:, 2])
+        inside.add(core, dark, 0.7)
+        twigs = crowns.lump(rng, centre, 0.85 * radii, 34, 0.5 * r + 0.1)
+        for first, picture in enumerate(pictures):
+            part = twigs.every(len(pictures), first).part()
+            np.maximum(part.points[:, 2], 0.0, out=part.points[:, 2])
+            light = 0.82 + 0.2 * (part.points[:, 2] - centre[2]) / height + rng.uniform(-0.06, 0.04)
+            leaves.add(part, leaves.patch(picture), np.clip(light, 0.45, 1.0))
+    return inside.surface(), leaves.surface()
 
 
-def build_hedge(length_m: float, low: bool, rng: np.random.Generator) -> tuple[Surface, ...]:
+def build_hedge(
+    length_m: float, low: bool, rng: np.random.Generator, season: str = "summer"
+) -> tuple[Surface, ...]:
     """A clipped hedge along x, its middle at the origin; ``low``: as before a front garden."""
     model = Model()
     height_m = rng.uniform(0.65, 0.95) if low else rng.uniform(1.15, 1.6)
     half, depth = length_m / 2, 0.32
-    colour = textures.hsv(rng.uniform(70, 135), rng.uniform(0.4, 0.7), rng.uniform(0.38, 0.6))
+    green = textures.hsv(rng.uniform(70, 135), rng.uniform(0.4, 0.7), rng.uniform(0.38, 0.6))
+    colour = seasons.leaf(green, season, evergreen=True)
     px = 30
     shape = (max(16, round(height_m * px)), round(length_m * px))
     image = textures.leaves(rng, shape, colour, rng.uniform(3.5, 6.0))
     if rng.random() < 0.4:
-        petal = textures.hsv(rng.uniform(-60, 60), rng.uniform(0.2, 0.7), 0.95)
+        bloom = textures.hsv(rng.uniform(-60, 60), rng.uniform(0.2, 0.7), 0.95)
+        petal = bloom if seasons.blooms(season) else textures.times(colour, 1.1)
         image[textures.noise(rng, shape, 4, tile=True) > 1.8] = petal
     foot = np.linspace(1.0, 0.55, shape[0])[:, None, None] ** 0.7
     side = model.patch(np.clip(image * foot, 0, 255).astype(np.uint8))
@@ -269,4 +206,26 @@ def build_hedge(length_m: float, low: bool, rng: np.random.Generator) -> tuple[S
         near, far = -sign * y[i], sign * y[i]
         close = [(x[i], near, 0), (x[i], far, 0), (x[i], far, wave[i]), (x[i], near, wave[i])]
         model.add(polygon(close), end)
-    return (model.surface(),)
+    return model.surface(), _fringe(rng, x, y, wave, colour)
+
+
+def _fringe(
+    rng: np.random.Generator,
+    x: NDArray[np.float64],
+    y: NDArray[np.float64],
+    height_m: NDArray[np.float64],
+    colour: textures.Colour,
+) -> Surface:
+    """Twigs that stick out along a hedge's upper rims, which are at -y and at y over x, (n,)."""
+    k = max(4, round(float(np.ptp(x)) / 0.2))
+    along = rng.uniform(x[0] + 0.1, x[-1] - 0.1, 2 * k)
+    side = np.repeat([-1.0, 1.0], k)
+    foot = np.stack([along, 0.9 * side * np.interp(along, x, y), np.interp(along, x, height_m)], 1)
+    foot[:, 2] -= 0.16
+    size = rng.uniform(0.22, 0.32, (2 * k, 1))
+    up = size * np.stack([rng.normal(0, 0.25, 2 * k), 0.35 * side, np.ones(2 * k)], axis=1)
+    right = size * np.stack([-side, rng.normal(0, 0.3, 2 * k), np.zeros(2 * k)], axis=1)
+    leaves = Model()
+    twig = leaves.patch(foliage.twig(rng, 64, colour, rng.uniform(11, 15), 0.6))
+    leaves.add(foliage.Cards(foot, right, up).part(), twig)
+    return leaves.surface()

@@ -1,9 +1,11 @@
 """Roofs with thickness and overhang over a rectangle of walls."""
 
+import itertools
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from vrchain.scene.shapes import Part, join, polygon
 
@@ -94,3 +96,40 @@ def _hip(length: float, span: float, top: float, pitch: float, over: float) -> R
     fascia = [polygon([(*p, eave), (*q, eave), (*q, up), (*p, up)]) for p, q in rim]
     soffit = polygon([(*d, eave), (*c, eave), (*b, eave), (*a, eave)])
     return Roof(join(cover), soffit, join(fascia), 2 * x, float(np.hypot(y, ridge - up)))
+
+
+def profile(half_span_m: float, slopes: Sequence[float]) -> NDArray[np.float64]:
+    """From eave to ridge across a roof: (n + 1, 2) of inward and upward, slopes equally long.
+
+    slopes: rise over run of each from the eave up; one is a gable, a steep and a flat a gambrel.
+    """
+    tilt = np.arctan(slopes)
+    length = half_span_m / np.cos(tilt).sum()
+    steps = length * np.column_stack([np.cos(tilt), np.sin(tilt)])
+    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+
+
+def gambrel(
+    rect: tuple[float, float, float, float],
+    top_m: float,
+    slopes: Sequence[float],
+    overhang_m: float,
+) -> Roof:
+    """A roof of ``profile`` over walls of height ``top_m`` on (x0, y0, x1, y1), ridge along y."""
+    x0, y0, x1, y1 = rect
+    front, back = y0 - overhang_m, y1 + overhang_m
+    edge = profile((x1 - x0) / 2, slopes) + np.array([0.0, top_m])
+    edge[0] -= overhang_m * np.array([1.0, slopes[0]])
+    slabs = []
+    for (low, low_z), (high, high_z) in itertools.pairwise(edge):
+        right = [(x1 - low, low_z), (x1 - low, low_z), (x1 - high, high_z), (x1 - high, high_z)]
+        left = [(x0 + low, low_z), (x0 + low, low_z), (x0 + high, high_z), (x0 + high, high_z)]
+        for side, ys in ((right, (front, back, back, front)), (left, (back, front, front, back))):
+            slabs.append(slab([(x, y, z) for (x, z), y in zip(side, ys, strict=True)]))
+    return Roof(
+        join([s.cover for s in slabs]),
+        join([s.soffit for s in slabs]),
+        join([s.fascia for s in slabs]),
+        back - front,
+        slabs[-1].slope_m,
+    )

@@ -4,7 +4,7 @@ A ``Part`` is a few faces with a uv in 0..1; a ``Model`` packs the pictures that
 into one texture sheet, so that an object is one Surface. Model frame: metres, z up from 0.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -112,11 +112,10 @@ def tube(
 def blob(
     centre: ArrayLike,
     radii: ArrayLike,
-    bulge: Callable[[NDArray[np.float64]], NDArray[np.float64]] | None = None,
     n: int = 10,
     rings: int = 7,
 ) -> Part:
-    """A ball-like shape; ``bulge`` maps unit directions (k, 3) to factors (k,) on the radius."""
+    """A ball-like shape of ``rings`` levels, pole to pole, and ``n`` points around."""
     turn, tilt = np.meshgrid(
         np.linspace(0, 2 * np.pi, n + 1), np.linspace(-np.pi / 2, np.pi / 2, rings)
     )
@@ -124,8 +123,7 @@ def blob(
         [np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)], axis=-1
     )
     unit = unit.reshape(-1, 3)
-    factor = bulge(unit)[:, None] if bulge else 1.0
-    points = np.asarray(centre, dtype=float) + unit * factor * np.asarray(radii, dtype=float)
+    points = np.asarray(centre, dtype=float) + unit * np.asarray(radii, dtype=float)
     seam = np.arange(rings) * (n + 1)
     points[seam + n] = points[seam]  # cos(2 pi) is not exactly cos(0)
     uv = np.stack([turn / (2 * np.pi), tilt / np.pi + 0.5], axis=-1).reshape(-1, 2)
@@ -141,7 +139,10 @@ def blob(
 
 @dataclass
 class Model:
-    """Parts on one texture sheet under construction."""
+    """Parts on one texture sheet under construction.
+
+    Its patches are all RGB, or all RGBA for a cut-out: an object of both is two models.
+    """
 
     _patches: list[Image] = field(default_factory=list)
     _parts: list[tuple[Part, int, NDArray[np.float64]]] = field(default_factory=list)
@@ -182,7 +183,7 @@ def _pack(patches: Sequence[Image]) -> tuple[Image, NDArray[np.int64], NDArray[n
         (width, *_rows(padded, width)) for width in range(least, max(least, _SHEET_PX) + 1, 24)
     ]
     width, corner, height = min(tries, key=lambda t: t[0] * t[2] + (t[0] - t[2]) ** 2 // 64)
-    sheet = np.zeros((height, width, 3), dtype=np.uint8)
+    sheet = np.zeros((height, width, patches[0].shape[2]), dtype=np.uint8)
     for patch, (px, py), (w, h) in zip(patches, corner, padded, strict=True):
         m = _MARGIN_PX
         sheet[py : py + h, px : px + w] = cv2.copyMakeBorder(

@@ -16,13 +16,17 @@ GAP_M = 1.0  # between any two solid things; a robot is 0.8 m wide
 
 @dataclass(frozen=True)
 class Placement:
-    """A thing to build: ``plan`` is what its builder takes, ``index`` counts its kind from 1."""
+    """A thing to build: ``plan`` is what its builder takes, ``index`` counts its kind from 1.
+
+    ``model`` is the name of the placement whose model this one shows: its own, or its twin's.
+    """
 
     name: str
     kind: str
     index: int
     pose: Pose
     plan: Any
+    model: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,6 +36,7 @@ class Candidate:
     pose: Pose
     shape: shapely.Geometry
     plan: Any = None
+    model: str | None = None  # the name of the placed thing that this one would repeat
 
     @property
     def ground(self) -> shapely.Geometry:
@@ -62,13 +67,15 @@ class Site:
         self._kinds[kind] += 1
         self._names[name] += 1
         self.keep_free(candidate.ground)
+        name = f"{name}_{self._names[name]:02d}"
         self.placements.append(
             Placement(
-                f"{name}_{self._names[name]:02d}",
+                name,
                 kind,
                 self._kinds[kind],
                 candidate.pose,
                 candidate.plan,
+                candidate.model or name,
             )
         )
 
@@ -114,6 +121,19 @@ class Site:
                     self.add(kind, candidate, getattr(candidate.plan, "name", None))
                     placed += 1
                     break
+
+
+def repeats(count: int, share: float, rng: np.random.Generator) -> dict[int, int]:
+    """Which of ``count`` things are twins, and which earlier thing, no twin, each repeats."""
+    twins = set((1 + rng.permutation(count - 1))[: round(share * count)]) if count > 1 else set()
+    found: dict[int, int] = {}
+    originals: list[int] = []
+    for k in range(count):
+        if k in twins:
+            found[k] = originals[int(rng.integers(len(originals)))]
+        else:
+            originals.append(k)
+    return found
 
 
 def _circle(shape: shapely.Geometry) -> tuple[float, float, float]:

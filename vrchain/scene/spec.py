@@ -20,14 +20,19 @@ def _within(default: Any, low: float, high: float) -> Any:
     return field(default=default, metadata={"range": (low, high)})
 
 
+def _choice(*options: str) -> Any:
+    """A field that is one of some words, the first unless another is given."""
+    return field(default=options[0], metadata={"options": options})
+
+
 @dataclass(frozen=True)
 class StreetSpec:
-    """The road network: streets that cross the map from edge to edge."""
+    """The road network: streets beside and across one another, drawn anew for every seed."""
 
     width_m: float = _within(7.0, 5.0, 12.0)  # between the kerbs
     pavement_m: float = _within(1.9, 1.2, 4.0)  # each side
-    bend_m: float = _within(2.5, 0.0, 4.0)  # how far a street swings from a straight line
-    spacing_m: float = _within(65.0, 60.0, 200.0)  # between parallel streets, about
+    bend_m: float = _within(2.5, 0.0, 4.0)  # how much a street swings and turns, 0: straight
+    spacing_m: float = _within(65.0, 60.0, 200.0)  # between neighbouring streets, about
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,20 @@ class HouseSpec:
     count: int = _within(32, 0, 500)  # how many
     setback_m: tuple[float, float] = _within((5.2, 7.0), 4.0, 8.0)  # pavement to front wall
     two_storey: float = _within(0.35, 0.0, 1.0)  # share of houses with an upper floor
+
+
+@dataclass(frozen=True)
+class ShopSpec:
+    """Shops, side by side on lots along a street."""
+
+    count: int = _within(3, 0, 40)  # how many
+
+
+@dataclass(frozen=True)
+class BarnSpec:
+    """Barns on lots at the map's rim."""
+
+    count: int = _within(1, 0, 20)  # how many
 
 
 @dataclass(frozen=True)
@@ -79,8 +98,9 @@ class FurnitureSpec:
 
 @dataclass(frozen=True)
 class LightSpec:
-    """The sun whose light is baked into the scene."""
+    """The light that is baked into the scene; a file's ``time`` sets what else it leaves out."""
 
+    time: str = _choice("noon", "evening", "overcast")  # colours of light and sky; see _TIMES
     sun_azimuth_deg: float = _within(235.0, 0.0, 360.0)  # anticlockwise from east
     sun_elevation_deg: float = _within(46.0, 10.0, 85.0)  # above the horizon
     ambient: float = _within(0.6, 0.2, 1.0)  # brightness of a face that the sun does not reach
@@ -91,19 +111,35 @@ class SceneSpec:
     """Everything that, with its seed, determines a scene."""
 
     name: str = "suburb"  # shown in tables and titles
+    layout: str = _choice("suburb", "barn")  # barn: the paper's example, see scene/barnyard.py
     seed: int = _within(2000, 0, 2**63 - 1)  # of every random choice
     extent_m: tuple[float, float] = _within((130.0, 180.0), 60.0, 600.0)  # x by y, origin centred
     streets: StreetSpec = StreetSpec()
     houses: HouseSpec = HouseSpec()
+    shops: ShopSpec = ShopSpec()
+    barns: BarnSpec = BarnSpec()
     trees: TreeSpec = TreeSpec()
     vehicles: VehicleSpec = VehicleSpec()
     boundaries: BoundarySpec = BoundarySpec()
     furniture: FurnitureSpec = FurnitureSpec()
+    season: str = _choice("summer", "autumn", "winter", "spring")  # colours of leaves and grass
     light: LightSpec = LightSpec()
+    twins: float = _within(0.0, 0.0, 1.0)  # share of houses and vehicles that repeat others
 
 
+# What a time of day sets; for noon it is LightSpec's defaults.
+_TIMES: dict[Any, dict[str, float]] = {
+    "evening": {"sun_azimuth_deg": 212.0, "sun_elevation_deg": 14.0, "ambient": 0.5},
+    "overcast": {"sun_azimuth_deg": 235.0, "sun_elevation_deg": 60.0, "ambient": 0.65},
+}
+_SUBURB_ONLY = (
+    "extent_m", "streets", "houses", "shops", "barns", "trees", "vehicles", "boundaries",
+    "furniture", "twins",
+)  # fmt: skip
 # The ground that one thing needs at the very least, in square metres: a first check of densities.
-_LEAST_AREA_M2 = {"houses": 300.0, "trees": 14.0, "vehicles": 40.0}
+_LEAST_AREA_M2 = {
+    "houses": 300.0, "shops": 300.0, "barns": 300.0, "trees": 14.0, "vehicles": 40.0,
+}  # fmt: skip
 
 
 def load_spec(path: str | Path) -> SceneSpec:
@@ -133,7 +169,9 @@ def load_spec(path: str | Path) -> SceneSpec:
 
 def parse_spec(document: dict[str, Any]) -> SceneSpec:
     """A spec from its keys; what is left out takes its default. Raises SpecError."""
-    spec = _read(SceneSpec, document, "")
+    spec = _read(SceneSpec, {**document, **_lit(document)}, "")
+    if spec.layout == "barn":
+        _check_barn(document)
     area = spec.extent_m[0] * spec.extent_m[1]
     for key, least in _LEAST_AREA_M2.items():
         count, most = getattr(spec, key).count, int(area / least)
@@ -142,6 +180,21 @@ def parse_spec(document: dict[str, Any]) -> SceneSpec:
                 f"{key}.count: {count} cannot be placed on {area:g} m2, allowed 0..{most}"
             )
     return spec
+
+
+def _lit(document: dict[str, Any]) -> dict[str, Any]:
+    """The light of a document with what its time of day sets, where the document does not."""
+    given = document.get("light")
+    if not isinstance(given, dict) or given.get("time") not in tuple(_TIMES):
+        return {}
+    return {"light": {**_TIMES[given["time"]], **given}}
+
+
+def _check_barn(document: dict[str, Any]) -> None:
+    """The barn's plan is given: numbers and sizes of a suburb's things would go unheeded."""
+    for key in document:
+        if key in _SUBURB_ONLY:
+            raise SpecError(f"{key}: the layout 'barn' has a plan of its own, leave it out")
 
 
 def _read(cls: type[_Spec], document: Any, prefix: str) -> _Spec:
@@ -163,6 +216,9 @@ def _value(spec_field: "Field[Any]", hint: Any, value: Any, key: str) -> Any:
     if hint is str:
         if not isinstance(value, str) or not value.strip():
             raise SpecError(f"{key}: expected a name, got {value!r}")
+        options = spec_field.metadata.get("options", (value,))
+        if value not in options:
+            raise SpecError(f"{key}: expected one of {', '.join(options)}, got {value!r}")
         return value
     low, high = spec_field.metadata["range"]
     if get_origin(hint) is tuple:

@@ -1,13 +1,25 @@
 """A suburb from its spec: the layout, every object built by its kind, then light and ground."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from vrchain import seeding
-from vrchain.scene import backdrop, boundaries, ground, houses, light, plants, street, vehicles
+from vrchain.scene import (
+    backdrop,
+    barn,
+    barnyard,
+    boundaries,
+    ground,
+    houses,
+    light,
+    plants,
+    shops,
+    street,
+    vehicles,
+)
 from vrchain.scene.layout import draw_layout
 from vrchain.scene.model import Scene, SceneObject, Surface, place
 from vrchain.scene.site import Placement
@@ -16,18 +28,22 @@ from vrchain.scene.spec import SceneSpec, load_spec
 _Builder = Callable[[Placement, np.random.Generator], tuple[Surface, ...]]
 _BUILDERS: dict[str, _Builder] = {
     "house": lambda p, rng: houses.build(p.plan, rng, p.index),
-    "tree": lambda p, rng: plants.build_tree(p.plan, rng),
+    "shop": lambda p, rng: shops.build(p.plan, rng),
+    "barn": lambda p, rng: barn.build(p.plan, rng),
     "vehicle": lambda p, rng: vehicles.build(p.plan, rng),
     "fence": lambda p, rng: boundaries.build_fence(p.plan[0], p.plan[1], rng),
     "wall": lambda p, rng: boundaries.build_wall(p.plan[0], p.plan[1], rng),
-    "hedge": lambda p, rng: plants.build_hedge(p.plan[0], p.plan[1], rng),
-    "bush": lambda p, rng: plants.build_bush(p.plan, rng),
     "lamp": lambda p, rng: street.lamp(rng),
     "pole": lambda p, rng: street.pole(rng),
     "sign": lambda p, rng: street.sign(rng),
     "mailbox": lambda p, rng: street.mailbox(rng),
     "bin": lambda p, rng: street.wheelie_bin(rng),
     "hydrant": lambda p, rng: street.hydrant(rng),
+}
+_PLANTS: dict[str, Callable[[Placement, np.random.Generator, str], tuple[Surface, ...]]] = {
+    "tree": lambda p, rng, season: plants.build_tree(p.plan, rng, season),
+    "hedge": lambda p, rng, season: plants.build_hedge(p.plan[0], p.plan[1], rng, season),
+    "bush": lambda p, rng, season: plants.build_bush(p.plan, rng, season),
 }
 
 
@@ -39,21 +55,37 @@ def load_scene(path: str | Path, *, seed: int | None = None) -> Scene:
 
 def build_scene(spec: SceneSpec) -> Scene:
     """Everything of a spec, built. The same spec gives the same bytes. Raises SpecError."""
+    if spec.layout == "barn":
+        return barnyard.build(spec)
     layout = draw_layout(spec)
     sun = light.sunlight(spec.light)
-    objects = [light.lit(_built(spec.seed, p), sun) for p in layout.placements]
-    shadow = light.shadows(objects, sun)
+    standing = _built(spec, layout.placements)
+    objects, ground_light = light.bake(standing, sun, spec.extent_m)
     floor = ground.build_ground(
-        layout, spec.extent_m, shadow, sun, seeding.generator(spec.seed, "ground")
+        layout, spec.extent_m, spec.season, seeding.generator(spec.seed, "ground")
     )
-    belt = backdrop.build_belt(spec.extent_m, sun, seeding.generator(spec.seed, "backdrop"))
+    wood = seeding.generator(spec.seed, "backdrop")
+    belt = backdrop.build_belt(spec.extent_m, sun, spec.season, wood)
     sky = backdrop.build_sky(sun, seeding.generator(spec.seed, "sky"))
-    return Scene(spec.name, spec.extent_m, (*objects, *floor, belt), sky, backdrop.HAZE_RGB)
-
-
-def _built(seed: int, placement: Placement) -> SceneObject:
-    rng = seeding.generator(seed, placement.kind, placement.index)
-    surfaces = _BUILDERS[placement.kind](placement, rng)
-    return place(
-        placement.name, placement.kind, placement.name, surfaces, placement.pose, landmark=True
+    return Scene(
+        spec.name,
+        spec.extent_m,
+        (*objects, *floor, belt),
+        sky,
+        backdrop.haze_rgb(sun),
+        spec.light,
+        ground_light,
     )
+
+
+def _built(spec: SceneSpec, placements: Iterable[Placement]) -> Iterator[SceneObject]:
+    """Every placement's object; twins share the meshes and the texture of the first of them."""
+    models: dict[str, tuple[Surface, ...]] = {}
+    for p in placements:
+        if p.model not in models:
+            rng = seeding.generator(spec.seed, p.kind, p.index)
+            if p.kind in _PLANTS:
+                models[p.model] = _PLANTS[p.kind](p, rng, spec.season)
+            else:
+                models[p.model] = _BUILDERS[p.kind](p, rng)
+        yield place(p.name, p.kind, p.model, models[p.model], p.pose, landmark=True)

@@ -203,6 +203,16 @@ def stone(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float)
     return image
 
 
+def tiles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+    """Glazed tiles in straight courses, glossy, a few of another shade."""
+    side = rng.uniform(0.14, 0.26) * px_per_m
+    value, warmth, dy, dx = _cells(rng, shape, side, side * rng.choice([1.0, 2.0]), 0.0)
+    gloss = 0.12 * np.clip(dy / side - 0.5, -1, 1)
+    image = coloured(base, 0.05 * value + 0.25 * (value > 1.9) + gloss, 4 * warmth)
+    image[(dy < 1.1) | (dx < 1.1)] = times(base, float(rng.choice([0.6, 1.3])))
+    return image
+
+
 def shingles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """A roof: rows of shingles or tiles, with moss or bleached patches."""
     cell_h, cell_w = rng.uniform(0.24, 0.36) * px_per_m, rng.uniform(0.24, 0.5) * px_per_m
@@ -210,6 +220,15 @@ def shingles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: flo
     light = rng.uniform(0.09, 0.2) * value + 0.05 * noise(rng, shape, 2) - 0.35 * (dy < 1.4)
     light -= 0.2 * (dx < 1.0) + 0.1 * np.clip(fractal(rng, shape, px_per_m, 3), -1, 1)
     return coloured(base, light, 9 * warmth)
+
+
+def pantiles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+    """A roof of rounded tiles: upright ribs, stepped at every course."""
+    cell_h, cell_w = rng.uniform(0.3, 0.4) * px_per_m, rng.uniform(0.24, 0.34) * px_per_m
+    value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, 0.0)
+    light = 0.22 * np.sin(np.pi * dx / cell_w) - 0.12 + 0.1 * value
+    light -= 0.3 * (dy < 1.3) + 0.12 * np.clip(fractal(rng, shape, 1.3 * px_per_m, 3), -1, 1)
+    return coloured(base, light.astype(np.float32), 10 * warmth)
 
 
 def metal_sheet(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:

@@ -1,0 +1,21 @@
+"""The paper's example from above: the team, what each robot sees, and the chain to the barn."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.results import Results, barn
+from vrchain.experiments.sightings import sightings_table, team_sightings
+from vrchain.plots.chain import chain_map, chain_of
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """The map of ``scenes/barn.yaml``, by ground truth."""
+    scene, robots = barn(), dict(barn().robots)
+    seen = team_sightings(scene, robots)
+    chain = chain_of(list(robots), seen, scene.goal)
+    return chain_map(scene, robots, seen, chain), sightings_table(scene, robots, seen)
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

@@ -1,0 +1,21 @@
+"""The team as a graph, as in the paper's figure 1: robots, and the landmarks that join them."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.results import Results, barn
+from vrchain.experiments.sightings import sightings_table, team_sightings
+from vrchain.plots.chain import chain_of, team_graph
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """The team of ``scenes/barn.yaml``, by ground truth."""
+    scene, robots = barn(), dict(barn().robots)
+    seen = team_sightings(scene, robots)
+    chain = chain_of(list(robots), seen, scene.goal)
+    return team_graph(list(robots), seen, chain), sightings_table(scene, robots, seen)
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

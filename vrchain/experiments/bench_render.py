@@ -1,0 +1,84 @@
+"""How long it takes to draw a panorama, to cast its rays, and to build the scene it shows.
+
+Durations come from ``perf_counter_ns``, on whatever machine this runs on.
+"""
+
+from collections.abc import Callable
+from pathlib import Path
+from time import perf_counter_ns
+
+import numpy as np
+import pandas as pd
+
+from vrchain.errors import MissionError
+from vrchain.geometry import Pose
+from vrchain.panorama import CameraRig
+from vrchain.render import Renderer
+from vrchain.render.reference import LitRenderer
+from vrchain.scene import load_scene
+from vrchain.scene.model import Scene
+from vrchain.seeding import generator
+from vrchain.truth import GroundTruth
+
+COLUMNS = ["name", "positions", "median_us", "reference_us", "ratio", "bar"]
+
+_PANORAMA_BAR_US, _BUILD_BAR_US = 250_000.0, 5_000_000.0
+_DRAWS = 1000
+
+
+def bench_render(
+    spec: str | Path, n_positions: int, *, seed: int, rig: CameraRig | None = None
+) -> pd.DataFrame:
+    """One row a thing timed, with ``COLUMNS``; times in microseconds, NaN where there is none.
+
+    panorama: drawn at free poses, the first one aside, beside pyrender's own lit pass on the same
+    scene and poses (reference_us; ratio: of the medians); rays: object and range of every pixel of
+    it; scene: once from the scene file until it can be drawn, libraries loaded. bar: what the
+    median should not exceed. Raises SpecError, and MissionError without room or positions.
+    """
+    if n_positions < 1:
+        raise MissionError(f"expected 1 position or more to draw at, got {n_positions}")
+    rig = rig or CameraRig()
+    Renderer(Scene("nothing", (1.0, 1.0), ()))  # loads the libraries, which is no part of a scene
+    start_ns = perf_counter_ns()
+    scene = load_scene(spec)
+    renderer = Renderer(scene)
+    build_us = (perf_counter_ns() - start_ns) / 1e3
+    poses = free_poses(scene, n_positions + 1, seed)
+    drawn_us = _median_us(lambda pose: renderer.render(pose, rig), poses)
+    lit, truth = LitRenderer(scene), GroundTruth(scene)
+    lit_us = _median_us(lambda pose: lit.render(pose, rig), poses)
+    cast_us = _median_us(lambda pose: truth.look(pose, rig), poses)
+    size = f"{rig.n_views} x {rig.width_px} x {rig.height_px}"
+    nothing = float("nan")
+    rows = [
+        (f"panorama {size}", n_positions, drawn_us, lit_us, drawn_us / lit_us, _PANORAMA_BAR_US),
+        (f"rays {size}", n_positions, cast_us, nothing, nothing, nothing),
+        ("scene", 1, build_us, nothing, nothing, _BUILD_BAR_US),
+    ]
+    return pd.DataFrame(rows, columns=COLUMNS)
+
+
+def free_poses(scene: Scene, n: int, seed: int) -> list[Pose]:
+    """Poses uniform in free space. MissionError if the scene has no room."""
+    draws = generator(seed, "bench", "poses")
+    half = np.array(scene.extent_m) / 2
+    poses: list[Pose] = []
+    for _ in range(_DRAWS * n):
+        pose = Pose(*map(float, (*draws.uniform(-half, half), draws.uniform(-np.pi, np.pi))))
+        if scene.is_free([pose.xy_m])[0]:
+            poses.append(pose)
+        if len(poses) == n:
+            return poses
+    raise MissionError(f"found only {len(poses)} of {n} free poses in {scene.name!r}")
+
+
+def _median_us(call: Callable[[Pose], object], poses: list[Pose]) -> float:
+    """Median time of a call at each pose but the first, which is called to warm up."""
+    call(poses[0])
+    times_us = []
+    for pose in poses[1:]:
+        start_ns = perf_counter_ns()
+        call(pose)
+        times_us.append((perf_counter_ns() - start_ns) / 1e3)
+    return float(np.median(times_us))

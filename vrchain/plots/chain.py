@@ -1,0 +1,224 @@
+"""A team and what it sees, in the paper's manner: its map, and its graph.
+
+Robots are triangles, landmarks ellipses; sight lines are thin, those of the chain heavy.
+"""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+import shapely
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Ellipse, Patch, Polygon
+from numpy.typing import NDArray
+
+from vrchain.experiments.sightings import Sightings
+from vrchain.geometry import Pose
+from vrchain.plots.maps import ROBOT_COLOURS, draw_ground, draw_robot, zoom_to
+from vrchain.scene.model import Scene, SceneObject
+
+_CHAIN_COLOUR = "#c2185b"
+_SIGHT_COLOUR = "#7a8694"
+_LANDMARK_COLOUR = "#e8e2cf"
+_COMMON_COLOUR = "#ffd54f"
+_WALL_COLOUR = "#3a3a3a"
+_THIN_LW, _HEAVY_LW = 0.7, 3.2
+_SCREENS = ("wall", "hedge", "fence")  # long and narrow: as they stand, not as an ellipse
+_BOX = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
+
+
+def chain_of(robots: Sequence[str], sightings: Sightings, goal: str | None) -> list[str]:
+    """Robots and landmarks from the first robot to the goal: R1, shed, R2, ... barn.
+
+    It ends where two neighbours have nothing in common, or with the last robot if that does not see
+    the goal.
+    """
+    chain = [robots[0]]
+    for a, b in pairwise(robots):
+        shared = sightings.common.get((a, b))
+        if not shared:
+            return chain
+        chain += [shared[0], b]
+    return [*chain, goal] if goal in sightings.visible[robots[-1]] else chain
+
+
+def chain_map(
+    scene: Scene, robots: Mapping[str, Pose], sightings: Sightings, chain: Sequence[str]
+) -> Figure:
+    """The map: who stands where, what each sees, and the chain to the last of ``chain``.
+
+    chain: robots and landmarks in turn, as ``chain_of`` gives them.
+    """
+    figure = Figure(figsize=(8.6, 8.8), layout="constrained")
+    axes = figure.add_subplot()
+    draw_ground(axes, scene)
+    labels = sightings.labels()
+    places = {name: pose.xy_m for name, pose in robots.items()}
+    seen = {n for names in sightings.visible.values() for n in names}
+    for thing in (o for o in scene.objects if o.landmark):
+        places[thing.name] = _draw_landmark(axes, thing, thing.name in {*labels, chain[-1]})
+    links = {frozenset(link) for link in pairwise(chain)}
+    for robot, names in sightings.visible.items():
+        for name in names:
+            if frozenset((robot, name)) not in links:
+                _line(axes, places[robot], places[name], heavy=False)
+    for a, b in pairwise(chain):
+        _line(axes, places[a], places[b], heavy=True)
+    for k, (name, pose) in enumerate(robots.items()):
+        draw_robot(axes, name, pose, ROBOT_COLOURS[k % len(ROBOT_COLOURS)], size_m=1.9)
+    for name in dict.fromkeys([*labels, chain[-1]]):
+        if name in robots:
+            continue
+        thing = scene.objects[scene.index_of(name)]
+        text = f"{labels[name]}: {thing.kind}" if name in labels else f"{thing.kind} (the goal)"
+        x_m, y_m = places[name]
+        if name in labels:  # beside its ellipse; a goal is large enough to bear its name
+            y_m = thing.bounds_m[0, 1] - 1.2
+        axes.text(
+            x_m, y_m, text, ha="center", va="top", fontsize=9, fontweight="bold",
+            color=_CHAIN_COLOUR, zorder=8, bbox=_BOX,
+        )  # fmt: skip
+    corners = [scene.objects[scene.index_of(n)].bounds_m[:, :2] for n in sorted(seen)]
+    zoom_to(axes, np.concatenate([*corners, [p.xy_m for p in robots.values()]]), margin_m=3.0)
+    axes.set_title(f"{scene.name}: {' - '.join(labels.get(n, n) for n in chain)}")
+    axes.legend(
+        handles=_legend(walls=True), loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=5,
+        frameon=False, fontsize=8.5,
+    )  # fmt: skip
+    return figure
+
+
+def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]) -> Figure:
+    """Robots in a row, common landmarks between them, each robot's other landmarks hanging on it.
+
+    A dashed one is seen by another robot too, but not the same side of it.
+    """
+    figure = Figure(figsize=(4.8 * len(robots) + 1.6, 5.4), layout="constrained")
+    axes = figure.add_subplot()
+    labels, goal = sightings.labels(), chain[-1]
+    at = {name: np.array([4.8 * k, 0.0]) for k, name in enumerate(robots)}
+    links = {frozenset(link) for link in pairwise(chain)}
+    drawn: set[str] = set()
+    for (a, b), names in sightings.common.items():
+        apart = robots.index(b) - robots.index(a)
+        for k, name in enumerate(names):
+            if name not in drawn:
+                rise = 2.6 * (apart - 1) + 0.8 * (k - (len(names) - 1) / 2)
+                at[name] = (at[a] + at[b]) / 2 + (0.0, rise)
+                _node(axes, at[name], f"{labels[name]}\n{_words(name)}", _COMMON_COLOUR, 1.25)
+                drawn.add(name)
+            for robot in (a, b):
+                _line(axes, at[robot], at[name], heavy=frozenset((robot, name)) in links)
+    for robot in robots:
+        others = sightings.others(robot)
+        if goal in others and frozenset((robot, goal)) in links:
+            others.remove(goal)
+            at[goal] = at[robot] + (2.4, 0.0)
+            _line(axes, at[robot], at[goal], heavy=True)
+            _node(axes, at[goal], f"goal\n{_words(goal)}", _COMMON_COLOUR, 1.25)
+        for name, place in zip(others, _hanging(len(others)), strict=True):
+            _line(axes, at[robot], at[robot] + place, heavy=False)
+            elsewhere = any(name in sightings.visible[r] for r in robots if r != robot)
+            _node(axes, at[robot] + place, _words(name), _LANDMARK_COLOUR, 0.86, dashed=elsewhere)
+    for k, robot in enumerate(robots):
+        corners = at[robot] + 0.42 * np.array([(0, 1.15), (-1, -0.75), (1, -0.75)])
+        colour = ROBOT_COLOURS[k % len(ROBOT_COLOURS)]
+        axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="white", lw=1.2, zorder=6))
+        axes.text(
+            at[robot][0], at[robot][1] - 0.03, robot, color="white", ha="center", va="center",
+            fontsize=11, fontweight="bold", zorder=7,
+        )  # fmt: skip
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.margins(0.02)
+    axes.set_axis_off()
+    axes.legend(
+        handles=_legend(walls=False), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=5,
+        frameon=False, fontsize=9,
+    )  # fmt: skip
+    return figure
+
+
+def _words(name: str) -> str:
+    """A landmark's name as two short lines at most: water tower, wall 01."""
+    return name.replace("_", " ")
+
+
+def _hanging(n: int) -> NDArray[np.float64]:
+    """Places, (n, 2), around a robot: half of them above it, half below, none beside it."""
+    above = (n + 1) // 2
+    places = []
+    for count, sign in ((above, 1), (n - above, -1)):
+        x = np.linspace(-1, 1, count) * min(1.75, 0.5 * (count - 1))
+        y = sign * (1.95 - 0.28 * x**2)
+        places.append(np.column_stack([x, y]))
+    return np.concatenate(places)
+
+
+def _node(
+    axes: Axes,
+    at_xy: NDArray[np.float64],
+    text: str,
+    colour: str,
+    width: float,
+    dashed: bool = False,
+) -> None:
+    axes.add_patch(
+        Ellipse(
+            tuple(at_xy), width, 0.62 * width, facecolor=colour, edgecolor="black", lw=0.9,
+            linestyle="--" if dashed else "-", zorder=4,
+        )
+    )  # fmt: skip
+    axes.text(at_xy[0], at_xy[1], text, ha="center", va="center", fontsize=8, zorder=5)
+
+
+def _line(axes: Axes, a_xy: NDArray[np.float64], b_xy: NDArray[np.float64], *, heavy: bool) -> None:
+    axes.plot(
+        *np.array([a_xy, b_xy]).T, color=_CHAIN_COLOUR if heavy else _SIGHT_COLOUR,
+        lw=_HEAVY_LW if heavy else _THIN_LW, zorder=3.5 if heavy else 3, solid_capstyle="round",
+    )  # fmt: skip
+
+
+def _draw_landmark(axes: Axes, thing: SceneObject, chosen: bool) -> NDArray[np.float64]:
+    """A landmark as an ellipse around its footprint, a wall as it stands; its middle."""
+    footprint = thing.footprint.buffer(0.05)
+    if thing.kind in _SCREENS:
+        outline = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))
+        axes.add_patch(Polygon(outline, color=_WALL_COLOUR, lw=1.2, zorder=3.2))
+        return np.asarray(footprint.centroid.coords[0])
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4]
+    middle, along, across = corners.mean(axis=0), corners[1] - corners[0], corners[2] - corners[1]
+    axes.add_patch(
+        Ellipse(
+            tuple(middle),
+            max(1.25 * float(np.hypot(*along)), 1.2),
+            max(1.25 * float(np.hypot(*across)), 1.2),
+            angle=float(np.degrees(np.arctan2(along[1], along[0]))),
+            facecolor=_COMMON_COLOUR if chosen else _LANDMARK_COLOUR,
+            edgecolor="black",
+            lw=1.3 if chosen else 0.8,
+            zorder=4,
+        )
+    )
+    return np.asarray(middle)
+
+
+def _legend(*, walls: bool) -> list[Patch | Line2D]:
+    handles: list[Patch | Line2D] = [
+        Line2D([], [], marker=(3, 0, 0), ls="", ms=10, color=ROBOT_COLOURS[0], label="robot"),
+        Line2D(
+            [], [], marker="o", ls="", ms=9, mfc=_LANDMARK_COLOUR, mec="black", label="landmark"
+        ),
+        Line2D([], [], color=_SIGHT_COLOUR, lw=_THIN_LW, label="sees"),
+        Line2D([], [], color=_CHAIN_COLOUR, lw=_HEAVY_LW, label="the chain to the goal"),
+    ]
+    if walls:
+        handles.insert(2, Line2D([], [], color=_WALL_COLOUR, lw=3, label="wall or fence"))
+    else:
+        handles.insert(
+            2,
+            Patch(fc=_LANDMARK_COLOUR, ec="black", ls="--", label="seen by two, not the same side"),
+        )
+    return handles
