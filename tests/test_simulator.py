@@ -239,6 +239,7 @@ def check_wandering(simulator: Simulator, minutes: float) -> None:
         assert simulator.scene.is_free(path).all()
         assert crossings(simulator.truth, path) == 0
         way_m = np.linalg.norm(np.diff(path, axis=0), axis=1).sum()
+        print(f"{robot}: {way_m:.0f} m, {simulator.collisions(robot)} collisions, no crossing")
         assert way_m > 15 * minutes  # it does not hang about
         assert simulator.collisions(robot) <= 0.5 * minutes
 
