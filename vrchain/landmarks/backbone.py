@@ -18,7 +18,7 @@ from vrchain.errors import ImageError, LearnedError
 Layer = Literal["middle", "last"]
 LAYERS: tuple[Layer, ...] = ("middle", "last")
 
-_INPUT_PX = 128  # crops are about so large; 224, as in training, finds no more of them
+_INPUT_PX = 128  # crops are about so large; in training it was 224
 _BATCH = 32
 _MEAN_RGB, _SPREAD_RGB = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 _NORM_EPSILON = 1e-3
