@@ -3,12 +3,12 @@
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, rotation_z
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.render import _FAR_M, _NEAR_M, _camera_to_world, _shared_context
+from vrchain.render import _FAR_M, _NEAR_M, _camera_to_world, _shared_context, _texture
 from vrchain.scene.atlas import Joined, join_by_texture, pack
+from vrchain.scene.light import vertex_normals
 from vrchain.scene.model import Scene
 
 
@@ -60,11 +60,8 @@ class LitRenderer:
 def _primitive(surface: Joined) -> Any:
     import pyrender
 
-    texture = pyrender.Texture(
-        source=surface.texture, source_channels="RGBA" if surface.cut_out else "RGB"
-    )
     material = pyrender.MetallicRoughnessMaterial(
-        baseColorTexture=texture,
+        baseColorTexture=_texture(surface),
         metallicFactor=0.0,
         roughnessFactor=1.0,
         alphaMode="MASK" if surface.cut_out else "OPAQUE",
@@ -72,21 +69,9 @@ def _primitive(surface: Joined) -> Any:
     )
     return pyrender.Primitive(
         positions=surface.vertices_m,
-        normals=_normals(surface),
+        normals=vertex_normals(surface.vertices_m, surface.faces).astype(np.float32),
         indices=surface.faces,
         texcoord_0=surface.uv,
         material=material,
         mode=4,
-    )
-
-
-def _normals(surface: Joined) -> NDArray[np.float32]:
-    """Unit normals of vertices, (n, 3): the mean of their triangles', by area."""
-    corners = surface.vertices_m[surface.faces].astype(float)
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    normals = np.zeros((len(surface.vertices_m), 3))
-    for corner in surface.faces.T:
-        np.add.at(normals, corner, across)
-    return (normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-12)).astype(
-        np.float32
     )

@@ -85,7 +85,7 @@ def lit(obj: SceneObject, light: Light) -> SceneObject:
     """The object alone in the open. Faces that share vertices shade smoothly."""
 
     def shaded(surface: Surface) -> Surface:
-        falling = light.on(_normals(surface.vertices_m, surface.faces))
+        falling = light.on(vertex_normals(surface.vertices_m, surface.faces))
         return replace(surface, shade=_rgb(surface.shade) * falling)
 
     return replace(obj, surfaces=tuple(shaded(s) for s in obj.surfaces))
@@ -191,7 +191,7 @@ def _joined(things: Iterable[SceneObject]) -> _Mesh:
         joined_faces,
         np.concatenate([np.empty((0, 2), np.float32), *(s.uv for s in surfaces)]),
         np.concatenate([np.empty((0, 3), np.float32), *(_rgb(s.shade) for s in surfaces)]),
-        _normals(vertices, joined_faces),
+        vertex_normals(vertices, joined_faces),
         np.repeat(np.arange(len(surfaces)), counts),
     )
 
@@ -253,7 +253,9 @@ def _rgb(shade: NDArray[np.float32]) -> NDArray[np.float32]:
     return np.broadcast_to(shade.reshape(len(shade), -1), (len(shade), 3))
 
 
-def _normals(vertices_m: NDArray[np.float32], faces: NDArray[np.integer]) -> NDArray[np.float64]:
+def vertex_normals(
+    vertices_m: NDArray[np.float32], faces: NDArray[np.integer]
+) -> NDArray[np.float64]:
     """Unit normals of vertices, (n, 3): the mean of their faces' by area."""
     a, b, c = np.moveaxis(vertices_m[faces].astype(float), 1, 0)
     normal = np.cross(b - a, c - a)
