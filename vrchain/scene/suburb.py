@@ -25,22 +25,20 @@ from vrchain.scene.model import Scene, SceneObject, Surface, place
 from vrchain.scene.site import Placement
 from vrchain.scene.spec import SceneSpec, load_spec
 
-_Builder = Callable[[Placement, np.random.Generator], tuple[Surface, ...]]
+_Builder = Callable[[Placement, np.random.Generator, str], tuple[Surface, ...]]
 _BUILDERS: dict[str, _Builder] = {
-    "house": lambda p, rng: houses.build(p.plan, rng, p.index),
-    "shop": lambda p, rng: shops.build(p.plan, rng),
-    "barn": lambda p, rng: barn.build(p.plan, rng),
-    "vehicle": lambda p, rng: vehicles.build(p.plan, rng),
-    "fence": lambda p, rng: boundaries.build_fence(p.plan[0], p.plan[1], rng),
-    "wall": lambda p, rng: boundaries.build_wall(p.plan[0], p.plan[1], rng),
-    "lamp": lambda p, rng: street.lamp(rng),
-    "pole": lambda p, rng: street.pole(rng),
-    "sign": lambda p, rng: street.sign(rng),
-    "mailbox": lambda p, rng: street.mailbox(rng),
-    "bin": lambda p, rng: street.wheelie_bin(rng),
-    "hydrant": lambda p, rng: street.hydrant(rng),
-}
-_PLANTS: dict[str, Callable[[Placement, np.random.Generator, str], tuple[Surface, ...]]] = {
+    "house": lambda p, rng, season: houses.build(p.plan, rng, p.index),
+    "shop": lambda p, rng, season: shops.build(p.plan, rng),
+    "barn": lambda p, rng, season: barn.build(p.plan, rng),
+    "vehicle": lambda p, rng, season: vehicles.build(p.plan, rng),
+    "fence": lambda p, rng, season: boundaries.build_fence(p.plan[0], p.plan[1], rng),
+    "wall": lambda p, rng, season: boundaries.build_wall(p.plan[0], p.plan[1], rng),
+    "lamp": lambda p, rng, season: street.lamp(rng),
+    "pole": lambda p, rng, season: street.pole(rng),
+    "sign": lambda p, rng, season: street.sign(rng),
+    "mailbox": lambda p, rng, season: street.mailbox(rng),
+    "bin": lambda p, rng, season: street.wheelie_bin(rng),
+    "hydrant": lambda p, rng, season: street.hydrant(rng),
     "tree": lambda p, rng, season: plants.build_tree(p.plan, rng, season),
     "hedge": lambda p, rng, season: plants.build_hedge(p.plan[0], p.plan[1], rng, season),
     "bush": lambda p, rng, season: plants.build_bush(p.plan, rng, season),
@@ -84,8 +82,5 @@ def _built(spec: SceneSpec, placements: Iterable[Placement]) -> Iterator[SceneOb
     for p in placements:
         if p.model not in models:
             rng = seeding.generator(spec.seed, p.kind, p.index)
-            if p.kind in _PLANTS:
-                models[p.model] = _PLANTS[p.kind](p, rng, spec.season)
-            else:
-                models[p.model] = _BUILDERS[p.kind](p, rng)
+            models[p.model] = _BUILDERS[p.kind](p, rng, spec.season)
         yield place(p.name, p.kind, p.model, models[p.model], p.pose, landmark=True)
