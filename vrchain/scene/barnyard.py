@@ -16,12 +16,10 @@ import shapely
 from vrchain import seeding
 from vrchain.geometry import Pose
 from vrchain.scene import (
-    backdrop,
     barn,
     boundaries,
     farm,
     ground,
-    light,
     plants,
     seasons,
     street,
@@ -30,6 +28,7 @@ from vrchain.scene import (
     vehicles,
 )
 from vrchain.scene.model import Scene, SceneObject, Surface, place
+from vrchain.scene.outdoors import outdoors
 from vrchain.scene.shapes import Image
 from vrchain.scene.spec import LightSpec, SceneSpec
 from vrchain.scene.streets import BEYOND_M
@@ -66,25 +65,11 @@ class _Thing:
 
 def build(spec: SceneSpec) -> Scene:
     """The example of a spec's seed: headings, R1's start, the sun and all designs are drawn."""
-    own_light = _sun(spec.light, seeding.generator(spec.seed, "sun"))
-    sun = light.sunlight(own_light)
+    lit = _sun(spec.light, seeding.generator(spec.seed, "sun"))
+    spec = replace(spec, light=lit, extent_m=EXTENT_M)
     standing = (_built(spec.seed, thing) for thing in _things(spec.seed, spec.season))
-    objects, ground_light = light.bake(standing, sun, EXTENT_M)
     floor = _floor(spec.season, seeding.generator(spec.seed, "ground"))
-    wood = seeding.generator(spec.seed, "backdrop")
-    belt = backdrop.build_belt(EXTENT_M, sun, spec.season, wood)
-    sky = backdrop.build_sky(sun, seeding.generator(spec.seed, "sky"))
-    return Scene(
-        spec.name,
-        EXTENT_M,
-        (*objects, *floor, belt),
-        sky,
-        backdrop.haze_rgb(sun),
-        own_light,
-        ground_light,
-        _robots(spec.seed),
-        GOAL,
-    )
+    return replace(outdoors(spec, standing, floor), robots=_robots(spec.seed), goal=GOAL)
 
 
 def _robots(seed: int) -> tuple[tuple[str, Pose], ...]:

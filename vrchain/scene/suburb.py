@@ -8,13 +8,11 @@ import numpy as np
 
 from vrchain import seeding
 from vrchain.scene import (
-    backdrop,
     barn,
     barnyard,
     boundaries,
     ground,
     houses,
-    light,
     plants,
     shops,
     street,
@@ -22,6 +20,7 @@ from vrchain.scene import (
 )
 from vrchain.scene.layout import draw_layout
 from vrchain.scene.model import Scene, SceneObject, Surface, place
+from vrchain.scene.outdoors import outdoors
 from vrchain.scene.site import Placement
 from vrchain.scene.spec import SceneSpec, load_spec
 
@@ -56,24 +55,9 @@ def build_scene(spec: SceneSpec) -> Scene:
     if spec.layout == "barn":
         return barnyard.build(spec)
     layout = draw_layout(spec)
-    sun = light.sunlight(spec.light)
-    standing = _built(spec, layout.placements)
-    objects, ground_light = light.bake(standing, sun, spec.extent_m)
-    floor = ground.build_ground(
-        layout, spec.extent_m, spec.season, seeding.generator(spec.seed, "ground")
-    )
-    wood = seeding.generator(spec.seed, "backdrop")
-    belt = backdrop.build_belt(spec.extent_m, sun, spec.season, wood)
-    sky = backdrop.build_sky(sun, seeding.generator(spec.seed, "sky"))
-    return Scene(
-        spec.name,
-        spec.extent_m,
-        (*objects, *floor, belt),
-        sky,
-        backdrop.haze_rgb(sun),
-        spec.light,
-        ground_light,
-    )
+    draws = seeding.generator(spec.seed, "ground")
+    floor = ground.build_ground(layout, spec.extent_m, spec.season, draws)
+    return outdoors(spec, _built(spec, layout.placements), floor)
 
 
 def _built(spec: SceneSpec, placements: Iterable[Placement]) -> Iterator[SceneObject]:
