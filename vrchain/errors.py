@@ -9,6 +9,10 @@ class SpecError(VRChainError):
     """A scene file is missing, unreadable, or holds a key or value that is not allowed."""
 
 
+class UnsupportedWarning(UserWarning):
+    """Something in a world from elsewhere is left out or simplified; the message lists what."""
+
+
 class PoseError(VRChainError):
     """A pose lies off the map or inside an object."""
 

@@ -10,7 +10,7 @@ from vrchain.files import write_file
 
 app = typer.Typer(no_args_is_help=True, help="Look at a scene.")
 
-Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file, as in scenes/.")]
+Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 
 
@@ -59,13 +59,21 @@ def draw_map(
 def export(
     spec: Spec,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE.glb", help="The glTF file to write.")
+        Path,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="A .glb; or a .world, with models/ beside it."
+        ),
     ],
 ) -> None:
-    """Write a scene as one glTF file, with a node for every object."""
-    from vrchain.scene import load_scene
+    """Write a scene as one glTF file, or a suburb of ours as a Gazebo world with its models."""
+    from vrchain.scene import load_scene, load_spec
     from vrchain.scene.export import check_name, export_scene
+    from vrchain.scene.sdf_export import SUFFIX, export_world
 
+    if output.suffix.lower() == SUFFIX:
+        export_world(load_spec(spec), output)
+        print(f"wrote {output}, and its models beside it")
+        return
     check_name(output)
     export_scene(load_scene(spec), output)
     print(f"wrote {output}")

@@ -11,6 +11,7 @@ from vrchain.scene import (
     barn,
     barnyard,
     boundaries,
+    gazebo,
     ground,
     houses,
     plants,
@@ -18,7 +19,7 @@ from vrchain.scene import (
     street,
     vehicles,
 )
-from vrchain.scene.layout import draw_layout
+from vrchain.scene.layout import Layout, draw_layout
 from vrchain.scene.model import Scene, SceneObject, Surface, place
 from vrchain.scene.outdoors import outdoors
 from vrchain.scene.site import Placement
@@ -45,7 +46,12 @@ _BUILDERS: dict[str, _Builder] = {
 
 
 def load_scene(path: str | Path, *, seed: int | None = None) -> Scene:
-    """The scene of a spec file, with ``seed`` in place of its own if given. Raises SpecError."""
+    """The scene of a spec file, with ``seed`` in place of its own if given. Raises SpecError.
+
+    A Gazebo world (``.world``, ``.sdf``) stays as it is, whatever the seed.
+    """
+    if Path(path).suffix.lower() in gazebo.SUFFIXES:
+        return gazebo.load_world(path)
     spec = load_spec(path)
     return build_scene(spec if seed is None else replace(spec, seed=int(seed)))
 
@@ -55,16 +61,26 @@ def build_scene(spec: SceneSpec) -> Scene:
     if spec.layout == "barn":
         return barnyard.build(spec)
     layout = draw_layout(spec)
+    standing = (
+        place(p.name, p.kind, p.model, surfaces, p.pose, landmark=True)
+        for p, surfaces in designs(spec, layout)
+    )
+    return outdoors(spec, standing, floor(spec, layout))
+
+
+def floor(spec: SceneSpec, layout: Layout | None = None) -> Iterable[SceneObject]:
+    """Streets, pavements, lawns: what lies flat on the ground of a spec."""
     draws = seeding.generator(spec.seed, "ground")
-    floor = ground.build_ground(layout, spec.extent_m, spec.season, draws)
-    return outdoors(spec, _built(spec, layout.placements), floor)
+    return ground.build_ground(layout or draw_layout(spec), spec.extent_m, spec.season, draws)
 
 
-def _built(spec: SceneSpec, placements: Iterable[Placement]) -> Iterator[SceneObject]:
-    """Every placement's object; twins share the meshes and the texture of the first of them."""
+def designs(
+    spec: SceneSpec, layout: Layout | None = None
+) -> Iterator[tuple[Placement, tuple[Surface, ...]]]:
+    """What stands, and its surfaces in its own frame; twins share those of the first of them."""
     models: dict[str, tuple[Surface, ...]] = {}
-    for p in placements:
+    for p in (layout or draw_layout(spec)).placements:
         if p.model not in models:
             rng = seeding.generator(spec.seed, p.kind, p.index)
             models[p.model] = _BUILDERS[p.kind](p, rng, spec.season)
-        yield place(p.name, p.kind, p.model, models[p.model], p.pose, landmark=True)
+        yield p, models[p.model]

@@ -1,0 +1,342 @@
+"""Gazebo worlds: what their files mean, as Gazebo reads them."""
+
+import warnings
+from pathlib import Path
+
+import gazebo_files as gz
+import numpy as np
+import pytest
+from gazebo_files import box, include, mesh, model, visual, world, write
+
+from vrchain.errors import UnsupportedWarning
+from vrchain.render import Renderer
+from vrchain.scene import Scene, SceneObject, load_scene
+from vrchain.scene.gazebo.kinds import guess
+from vrchain.scene.gazebo.materials import read_script
+from vrchain.scene.model import OPAQUE
+
+
+@pytest.fixture(autouse=True)
+def no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+def load(folder: Path, body: str, files: dict[str, str | bytes] | None = None) -> Scene:
+    """A world, which stands in worlds/, beside models/."""
+    write(folder, {"worlds/test.world": world(body), **(files or {})})
+    return load_scene(folder / "worlds" / "test.world")
+
+
+def only(scene: Scene) -> SceneObject:
+    (thing,) = scene.objects
+    return thing
+
+
+def centre(thing: SceneObject) -> list[float]:
+    return [round(float(v), 4) for v in thing.bounds_m.mean(axis=0)]
+
+
+def colours(thing: SceneObject) -> set[tuple[int, ...]]:
+    return {tuple(s.texture[0, 0].tolist()) for s in thing.surfaces}
+
+
+def test_poses_compose_about_fixed_axes(tmp_path: Path) -> None:
+    body = model(
+        visual(box("2 1 1"), pose="1 0 0 0 0 0"),
+        pose="10 0 0 0 0 1.5707963267948966",
+        link_pose="0 0 3 1.5707963267948966 0 0",
+    )
+    thing = only(load(tmp_path, body))
+    assert centre(thing) == [10.0, 1.0, 3.0]
+    assert np.allclose(np.ptp(thing.bounds_m, axis=0), (1, 2, 1), atol=1e-5)
+    assert np.allclose(thing.size_m, (2, 1, 1), atol=1e-5)
+
+
+def test_the_pose_of_an_include_replaces_the_models(tmp_path: Path) -> None:
+    files = gz.folder_of("crate", model(visual(box("1 1 1")), pose="0 0 5 0 0 0", name="Crate"))
+    body = include("model://crate", pose="3 0 0.5 0 0 0", name="a") + include("model://crate")
+    scene = load(tmp_path, body, files)
+    assert [(o.name, centre(o)) for o in scene.objects] == [
+        ("a", [3, 0, 0.5]),
+        ("Crate", [0, 0, 5]),
+    ]
+    assert {o.model for o in scene.objects} == {"crate"}
+
+
+def test_a_frame_that_a_pose_names(tmp_path: Path) -> None:
+    body = (
+        '<frame name="f"><pose>0 5 0 0 0 0</pose></frame>'
+        '<model name="m"><pose relative_to="f">1 0 0 0 0 0</pose>'
+        '<link name="a"><pose degrees="true">0 0 2 0 0 90</pose></link>'
+        f'<link name="b"><pose relative_to="a">3 0 0 0 0 0</pose>{visual(box("1 1 1"))}</link>'
+        "</model>"
+    )
+    assert centre(only(load(tmp_path, body))) == [1.0, 8.0, 2.0]
+
+
+def test_the_highest_version_is_the_models_file(tmp_path: Path) -> None:
+    files = {
+        "models/m/model.config": gz.config(("1.5", "five.sdf"), ("1.10", "ten.sdf")),
+        "models/m/five.sdf": f'<sdf version="1.5">{model(visual(box("1 1 1")))}</sdf>',
+        "models/m/ten.sdf": f'<sdf version="1.10">{model(visual(box("2 2 2")))}</sdf>',
+    }
+    assert only(load(tmp_path, include("model://m"), files)).size_m == (2, 2, 2)
+
+
+def test_folders_are_searched_in_their_order(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, size in (("first", "1 1 1"), ("second", "2 2 2")):
+        write(tmp_path / name, gz.folder_of("m", model(visual(box(size)))))
+    monkeypatch.setenv("GAZEBO_MODEL_PATH", f"/nowhere:{tmp_path}/second/models")
+    monkeypatch.setenv("GZ_SIM_RESOURCE_PATH", f"{tmp_path}/first/models")
+    assert only(load(tmp_path, include("model://m"))).size_m == (2, 2, 2)
+    monkeypatch.delenv("GAZEBO_MODEL_PATH")
+    assert only(load(tmp_path, include("model://m"))).size_m == (1, 1, 1)
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "more", "size_m"),
+    [
+        ("a.dae", gz.dae(), "", (1, 1, 1)),
+        ("a.dae", gz.dae(meter=0.0254), "<scale>10 20 30</scale>", (0.254, 0.508, 0.762)),
+        ("a.obj", gz.obj(2.0), "<scale>1 -2 3</scale>", (2, 4, 6)),
+        ("a.stl", gz.stl(), "", (1, 1, 1)),
+    ],
+)
+def test_meshes_in_their_unit_and_scale(
+    tmp_path: Path, file: str, content: str | bytes, more: str, size_m: tuple[float, ...]
+) -> None:
+    files = {f"models/m/{file}": content, **gz.folder_of("m", model(visual(mesh(file, more))))}
+    thing = only(load(tmp_path, include("model://m"), files))
+    assert np.allclose(thing.size_m, size_m, atol=1e-6)
+    triangles = np.concatenate([s.vertices_m[s.faces] for s in thing.surfaces])
+    a, b, c = np.moveaxis(triangles.astype(float), 1, 0)
+    volume = np.einsum("ij,ij->i", a, np.cross(b, c)).sum() / 6  # positive: faces look outwards
+    assert volume == pytest.approx(np.prod(size_m), rel=1e-4)
+
+
+def test_a_mesh_whose_y_is_up_is_turned(tmp_path: Path) -> None:
+    tall = " ".join(f"{x} {3 * y} {z}" for x, y, z in gz.BOX_XYZ)
+    files = {"worlds/a.dae": gz.dae(up="Y_UP", positions=tall)}
+    with pytest.warns(UnsupportedWarning, match="turned upright: 1 \\(a.dae\\)"):
+        thing = only(load(tmp_path, model(visual(mesh("a.dae"))), files))
+    assert np.allclose(thing.size_m, (1, 1, 3))
+    assert thing.bounds_m[0, 2] == 0
+
+
+def test_submeshes_by_node_and_by_group(tmp_path: Path) -> None:
+    shifted = f'<node name="B"><translate>5 0 0</translate>{gz.INSTANCE}</node>'
+    two = f'<node name="A">{gz.INSTANCE}{shifted}</node>'
+    groups = "v 0 0 0\nv 1 0 0\nv 0 1 1\nv 9 0 0\nv 9 2 0\nv 9 0 2\ng A\nf 1 2 3\ng B\nf 4 5 6\n"
+    for file, content in (("a.dae", gz.dae(nodes=two)), ("a.obj", groups)):
+        of = {name: f"<submesh><name>{name}</name></submesh>" for name in "AB"}
+        of["centred"] = "<submesh><name>B</name><center>true</center></submesh>"
+        bodies = (model(visual(mesh(file, more)), name=name) for name, more in of.items())
+        scene = load(tmp_path, "".join(bodies), {f"worlds/{file}": content})
+        a, b, centred = (o.bounds_m for o in scene.objects)
+        assert a[1, 0] == 1 and b[0, 0] >= 5
+        assert np.allclose(centred.mean(axis=0), 0)
+
+
+def test_materials_a_script_over_the_meshes_own(tmp_path: Path) -> None:
+    script = (
+        "fragment_program X glsl { source a.frag }\n// material No/Such { }\n"
+        "material Paint/Blue : Base { technique { pass {\n diffuse 0 0 1\n } } }\n"
+        "material Paint/Sheet\n{\ntechnique\n{\npass\n{\nalpha_rejection greater 200\n"
+        "texture_unit\n{\ntexture sheet.png\nscale 0.25 0.5\n}\n"
+        "texture_unit\n{\ntexture other.png\n}\n}\n}\n}\n"
+    )
+    sheet = np.full((2, 2, 4), 255, dtype=np.uint8)
+    sheet[0, :, 3], sheet[1, :, 3] = 200, 201
+    files: dict[str, str | bytes] = {
+        "models/paint/materials/scripts/p.material": script,
+        "models/other/materials/textures/sheet.png": gz.picture(sheet),
+        **gz.folder_of("paint", ""),
+        "models/m/a.dae": gz.dae(),
+        **gz.folder_of("m", ""),
+    }
+    uris = "<uri>model://paint/materials/scripts</uri><uri>model://other/materials/textures/</uri>"
+
+    def painted(name: str) -> SceneObject:
+        material = f"<material><script>{uris}<name>{name}</name></script></material>"
+        files["models/m/model.sdf"] = (
+            f'<sdf version="1.6">{model(visual(mesh("a.dae"), material=material))}</sdf>'
+        )
+        return only(load(tmp_path, include("model://m"), files))
+
+    assert colours(painted("Paint/Blue")) == {(0, 0, 255)}
+    assert colours(painted("Gazebo/Grey")) == {(178, 178, 178)}
+    (surface,) = painted("Paint/Sheet").surfaces
+    assert (surface.texture[..., 3] >= OPAQUE).tolist() == [[False, False], [True, True]]
+    assert np.allclose(np.ptp(surface.uv, axis=0), (4, 2))
+    with pytest.warns(UnsupportedWarning, match="materials that are missing, drawn grey: 1"):
+        painted("Paint/None")
+
+
+def test_always_pass_and_comments_of_a_script(tmp_path: Path) -> None:
+    (tmp_path / "a.material").write_text(
+        "material A\n{\ntechnique\n{\npass\n{\nalpha_rejection always_pass 0\n"
+        "/* texture_unit\n{\ntexture no.png\n}\n*/\ntexture_unit\n{\ntexture a.png // b.png\n}\n"
+        "}\n}\n}\nmaterial B { technique { pass { scene_blend alpha_blend\n} } }"
+    )
+    scripts = dict(read_script(tmp_path / "a.material"))
+    assert (scripts["A"].picture, scripts["A"].solid_above) == ("a.png", None)
+    assert (scripts["B"].picture, scripts["B"].solid_above) == ("", OPAQUE - 1)
+
+
+def test_pictures_are_found_beside_the_mesh_and_in_its_models_textures(tmp_path: Path) -> None:
+    mtl = "newmtl A\nKd 0.5 0.5 0.5\nmap_Kd model://m/materials/textures/red.png\n"
+    files: dict[str, str | bytes] = {
+        "models/m/meshes/a.dae": gz.dae(picture="red.png"),
+        "models/m/meshes/b.obj": gz.obj(more="mtllib b.mtl\nusemtl A"),
+        "models/m/meshes/b.mtl": mtl,
+        "models/m/materials/textures/red.png": gz.png((250, 1, 2)),
+        **gz.folder_of("m", model(visual(mesh("meshes/a.dae")) + visual(mesh("meshes/b.obj")))),
+    }
+    thing = only(load(tmp_path, include("model://m"), files))
+    assert colours(thing) == {(250, 1, 2)}
+    assert len({id(s.texture) for s in thing.surfaces}) == 1
+
+
+def test_a_missing_picture_is_told_and_the_rest_loads(tmp_path: Path) -> None:
+    with pytest.warns(UnsupportedWarning, match="pictures that are missing: 1 \\(gone.png\\)"):
+        load(tmp_path, model(visual(mesh("a.dae"))), {"worlds/a.dae": gz.dae(picture="gone.png")})
+
+
+@pytest.mark.parametrize(
+    ("geometry", "size_m"),
+    [
+        (box("1 2 3"), (1, 2, 3)),
+        ("<cylinder><radius>0.5</radius><length>2</length></cylinder>", (1, 1, 2)),
+        ("<sphere><radius>1</radius></sphere>", (2, 2, 2)),
+        ("<capsule><radius>0.5</radius><length>2</length></capsule>", (1, 1, 3)),
+        ("<ellipsoid><radii>1 2 3</radii></ellipsoid>", (2, 4, 6)),
+        ("<cone><radius>1</radius><length>2</length></cone>", (2, 2, 2)),
+    ],
+)
+def test_primitives_look_outwards(tmp_path: Path, geometry: str, size_m: tuple[float, ...]) -> None:
+    thing = only(load(tmp_path, model(visual(geometry))))
+    assert np.allclose(thing.size_m, size_m, atol=1e-5)
+    (surface,) = thing.surfaces
+    a, b, c = np.moveaxis(surface.vertices_m[surface.faces].astype(float), 1, 0)
+    outwards = np.einsum("ij,ij->i", np.cross(b - a, c - a), a + b + c)
+    assert outwards.min() > -1e-9
+    assert surface.uv.min() >= 0 and surface.uv.max() <= 1
+
+
+def test_the_ground_goes_on_20_m_beyond_what_stands_on_it(tmp_path: Path) -> None:
+    boxes = model(visual(box("2 2 2")), pose="50 0 1 0 0 0.3", name="a")
+    ground = model(visual(gz.GROUND), name="ground_plane")
+    scene = load(tmp_path, ground + boxes + model(visual(box("2 2 2")), pose="0 -9 1 0 0 0"))
+    floor = scene.objects[scene.index_of("ground_plane")]
+    others = np.array([o.bounds_m for o in scene.objects if o is not floor])
+    assert np.allclose(floor.bounds_m[0, :2], others[:, 0, :2].min(axis=0) - 20)
+    assert np.allclose(floor.bounds_m[1, :2], others[:, 1, :2].max(axis=0) + 20)
+    assert (floor.kind, floor.landmark, floor.solid) == ("ground", False, False)
+
+
+def test_twins_share_a_model_and_others_of_one_name_do_not(tmp_path: Path) -> None:
+    def crate(name: str, size: str, x_m: float) -> str:
+        return model(visual(box(size)), pose=f"{x_m} 0 1 0 0 1", name=name)
+
+    scene = load(tmp_path, crate("a", "1 1 1", 0) + crate("b", "1 1 1", 5) + crate("c", "1 1 2", 9))
+    a, b, c = (o.model for o in scene.objects)
+    assert a == b != c
+
+
+def test_a_model_within_a_model_is_part_of_it_and_a_group_is_not(tmp_path: Path) -> None:
+    inner = model(visual(box("1 1 1")), pose="2 0 0 0 0 0", name="inner")
+    outer = f'<model name="outer"><link name="l">{visual(box("1 1 1"))}</link>{inner}</model>'
+    group = f'<model name="group"><pose>0 9 0 0 0 0</pose>{inner}</model>'
+    scene = load(tmp_path, outer + group)
+    assert [o.name for o in scene.objects] == ["outer", "group::inner"]
+    assert np.allclose(scene.objects[0].size_m, (3, 1, 1))
+    assert centre(scene.objects[1]) == [2, 9, 0]
+
+
+def test_two_sides_of_a_sheet_keep_to_their_sides(tmp_path: Path) -> None:
+    places = "v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\nvt 0 0\nvt 1 1\nvt 0.5 0\n"
+    sheet = places + "f 1/1 2/1 3/1\nf 1/1 3/1 4/1\nf 2/2 1/2 4/3\nf 2/2 4/2 3/3\n"
+    thing = only(load(tmp_path, model(visual(mesh("a.obj"))), {"worlds/a.obj": sheet}))
+    (surface,) = thing.surfaces
+    sides = {round(float(y), 4) for y in surface.vertices_m[surface.faces.ravel(), 1]}
+    assert sides == {-0.0015, 0.0015}
+
+
+def test_what_is_not_supported_is_told_in_one_warning(tmp_path: Path) -> None:
+    body = (
+        '<plugin name="p" filename="libwind.so"/><actor name="walker"/>'
+        '<light name="lamp" type="point"/><light name="s" type="directional"/>'
+        '<model name="m"><link name="l"><sensor name="eye"/>'
+        f"{visual('<heightmap/>')}{visual(box('1 1 1'))}</link>"
+        '<joint name="hinge" type="revolute"/><joint name="weld" type="fixed"/></model>'
+    )
+    with pytest.warns(UnsupportedWarning) as told:
+        load(tmp_path, body)
+    (line,) = [str(w.message) for w in told]
+    for part in (
+        "test.world", "plugins: 1 (libwind.so)", "actors: 1 (walker)", "sensors: 1 (eye)",
+        "lights beside the sun: 1 (lamp)", "heightmaps: 1", "joints that move: 1 (hinge)",
+    ):  # fmt: skip
+        assert part in line
+    assert "\n" not in line
+
+
+def test_a_plain_world_is_told_nothing(tmp_path: Path) -> None:
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        scene = load(tmp_path, gz.SUN + model(visual(box("1 1 1"))))
+    assert scene.light.sun_elevation_deg == pytest.approx(60.4, abs=0.1)
+    assert scene.light.sun_azimuth_deg == pytest.approx(348.7, abs=0.1)
+
+
+def test_a_model_file_alone_is_a_world(tmp_path: Path) -> None:
+    write(tmp_path, {"a.sdf": f'<sdf version="1.7">{model(visual(box("1 1 1")), name="m")}</sdf>'})
+    assert only(load_scene(tmp_path / "a.sdf")).name == "m"
+
+
+def test_a_saved_state_moves_models(tmp_path: Path) -> None:
+    state = '<state><model name="m"><pose>7 0 0 0 0 0</pose></model></state>'
+    assert centre(only(load(tmp_path, model(visual(box("1 1 1")), name="m") + state))) == [7, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("name", "size_m", "kind"),
+    [
+        ("house_1", (16, 12, 7), "house"),
+        ("gas_station", (20, 30, 9), "shop"),
+        ("police_station", (13, 19, 8), "building"),
+        ("lamp_post", (0.5, 3, 9), "lamp"),
+        ("post_office", (10, 7, 4), "building"),
+        ("hatchback_red", (4, 2, 1.5), "vehicle"),
+        ("OakTree", (3, 3, 9), "tree"),
+        ("pioneer3at", (0.5, 0.5, 0.3), "robot"),
+        ("asphalt_plane", (20, 20, 0.1), "ground"),
+        ("scarecrow", (0.6, 0.4, 1.8), "object"),
+        ("x17", (20, 20, 0.1), "ground"),
+        ("x17", (9, 9, 4), "building"),
+        ("x17", (0.2, 0.2, 4), "pole"),
+    ],
+)
+def test_kinds_by_name_then_by_shape(
+    name: str, size_m: tuple[float, float, float], kind: str
+) -> None:
+    assert guess(name, size_m, leafy=False) == kind
+
+
+def test_a_world_is_drawn(tmp_path: Path) -> None:
+    from vrchain.geometry import Pose
+    from vrchain.truth import GroundTruth
+
+    red = "<material><diffuse>1 0 0 1</diffuse></material>"
+    body = model(visual(gz.GROUND), name="ground") + model(
+        visual(box("1 1 2"), material=red), pose="4 0 1 0 0 0", name="m"
+    )
+    scene = load(tmp_path, body)
+    seen = Renderer(scene).segmentation(Pose(0, 0))
+    assert seen[0, 240, 320] == scene.index_of("m")
+    assert (seen == GroundTruth(scene).look(Pose(0, 0))[0]).mean() > 0.999
+    r, g, b = Renderer(scene).render(Pose(0, 0)).views[0][240, 320].astype(int)
+    assert r > 80 and max(g, b) < 10

@@ -1,0 +1,262 @@
+"""What is wrong with a world or its models is refused by file and line or element, and soon."""
+
+import os
+import re
+import struct
+import time
+import zlib
+from pathlib import Path
+
+import gazebo_files as gz
+import pytest
+from gazebo_files import box, include, mesh, model, visual, world, write
+
+from vrchain.errors import SpecError
+from vrchain.scene import load_scene
+from vrchain.scene.gazebo import limits
+
+CRATE = model(visual(box("1 1 1")))
+BOMB = (
+    '<!DOCTYPE b [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(
+        f'<!ENTITY {c} "{f"&{b};" * 10}">' for b, c in zip("abcdefgh", "bcdefghi", strict=True)
+    )
+    + "]>"
+)
+
+
+@pytest.fixture(autouse=True)
+def no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+def refused(
+    folder: Path, document: str | bytes, files: dict[str, str | bytes] | None = None
+) -> str:
+    """The one line that a world is refused with, in seconds."""
+    write(folder, {"worlds/test.world": document, **(files or {})})
+    start_s = time.monotonic()
+    with pytest.raises(SpecError) as told:
+        load_scene(folder / "worlds" / "test.world")
+    assert time.monotonic() - start_s < 10
+    message = str(told.value)
+    assert "\n" not in message and len(message) < 900
+    return message
+
+
+@pytest.mark.parametrize(
+    ("document", "parts"),
+    [
+        ("", ["test.world:1", "expected XML"]),
+        ("seed: 3", ["test.world:1", "expected XML"]),
+        ("<sdf>\n<world>\n</sdf>", ["test.world:3", "mismatched tag"]),
+        ("<robot/>", ["test.world:1: <robot>", "<sdf>"]),
+        ("<sdf/>", ["test.world:1: <sdf>", "<world> or a <model>"]),
+        (BOMB + "<sdf>&i;</sdf>", ["test.world:1", "DOCTYPE"]),
+        ('<!DOCTYPE s SYSTEM "/etc/passwd"><sdf/>', ["test.world:1", "DOCTYPE"]),
+        ('<?xml version="1.0" encoding="klingon"?><sdf/>', ["test.world", "expected XML"]),
+        ("<a>" * 5000, ["test.world:1", "deep"]),
+        (world(""), ["test.world", "nothing in this world"]),
+        (world("\n" + include("model://gone")), [":2: <include>", "'model://gone'", "_MODEL_PATH"]),
+        (world(include("")), ["<include>", "<uri>"]),
+        (world(include("https://fuel.org/models/car")), ["<include>", "https://fuel.org"]),
+        (world(model(visual(box("1 1 1"), pose="1 2 3"))), [":1: <pose>", "6 finite", "'1 2 3'"]),
+        (world(model(visual(box("1 1 1"), pose="nan 0 0 0 0 0"))), ["<pose>", "finite"]),
+        (world(model(visual(box("1 1 1"), pose="0 1e9 0 0 0 0"))), ["'thing'", "km away"]),
+        (world(model(visual(box("1 -1 1")))), ["<size>", "more than 0"]),
+        (world(model(visual("<box/>"))), ["<box>", "<size>"]),
+        (world(model(visual(box("1e5 1 1")))), ["'thing'", "1e+05 m large", "<scale>"]),
+        (world(model(visual(box("1e-9 1e-9 1e-9")))), ["'thing'", "m large"]),
+        (world(model(visual(mesh("gone.dae")))), ["<uri>", "no mesh 'gone.dae'"]),
+        (world(model(visual(mesh("a.blend")))), ["<uri>", "a.blend"]),
+        (
+            world('<model name="m"><pose relative_to="f"/></model><frame name="f"><pose '
+                  'relative_to="g"/></frame><frame name="g"><pose relative_to="f"/></frame>'),
+            ["depends on itself", "f -> g -> f"],
+        ),
+        (world('<model name="m"><pose relative_to="f"/></model>'), ["no frame 'f'"]),
+    ],
+)  # fmt: skip
+def test_documents(tmp_path: Path, document: str, parts: list[str]) -> None:
+    message = refused(tmp_path, document)
+    assert [p for p in parts if p not in message] == []
+
+
+def test_no_file_and_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "d.world").mkdir()
+    for name, what in (("gone.sdf", "is not there"), ("d.world", "is a folder")):
+        with pytest.raises(SpecError, match=f"{name} {what}"):
+            load_scene(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["model://../..", "model://../secret", "model:///etc/passwd", "../../secret", "/etc/passwd",
+     "model://m/../../secret"],
+)  # fmt: skip
+def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
+    files: dict[str, str | bytes] = {
+        "secret/model.sdf": f"<sdf>{CRATE}</sdf>",
+        **gz.folder_of("m", CRATE),
+    }
+    message = refused(tmp_path, world(include(uri)), files)
+    assert "leads out of the model folders" in message or "no model" in message
+    inside = model(visual(mesh(f"{uri}/a.dae")))
+    write(tmp_path / "secret", {"a.dae": gz.dae()})
+    message = refused(tmp_path, world(include("model://m")), {**files, **gz.folder_of("m", inside)})
+    assert "leads out of the model folders" in message or "no mesh" in message
+
+
+def test_links_that_leave_the_model_folders(tmp_path: Path) -> None:
+    write(tmp_path, {"secret/a.dae": gz.dae(), "secret/p.png": gz.png((1, 2, 3))})
+    shown = model(visual(mesh("a.dae")))
+    write(tmp_path, gz.folder_of("m", shown))
+    (tmp_path / "models" / "m" / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
+    message = refused(tmp_path, world(include("model://m")))
+    assert "'a.dae' leads out of the model folders" in message
+    (tmp_path / "models" / "m" / "a.dae").unlink()
+    (tmp_path / "models" / "m" / "p.png").symlink_to(tmp_path / "secret" / "p.png")
+    files: dict[str, str | bytes] = {"models/m/a.dae": gz.dae(picture="p.png")}
+    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+    files = {
+        "models/m/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
+        "models/m/a.mtl": "newmtl A\nmap_Kd ../../../secret/p.png\n",
+        **gz.folder_of("m", model(visual(mesh("a.obj")))),
+    }
+    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+
+
+def test_includes_that_include_themselves(tmp_path: Path) -> None:
+    files = {
+        **gz.folder_of("a", f'<model name="a">\n{include("model://b")}</model>'),
+        **gz.folder_of("b", f'<model name="b">\n{include("model://a")}</model>'),
+    }
+    message = refused(tmp_path, world(include("model://a")), files)
+    assert re.search(r"b/model\.sdf:2: <include>: model://a includes itself", message)
+
+
+def test_includes_that_multiply(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
+    for k in range(1, 12):
+        ten = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(10))
+        files |= gz.folder_of(f"m{k}", f'<model name="m{k}">{ten}</model>')
+    message = refused(tmp_path, world(include("model://m11")), files)
+    assert f"at most {limits.MOST_MODELS} models" in message
+
+
+def test_includes_that_go_deep(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
+    for k in range(1, 40):
+        files |= gz.folder_of(f"m{k}", f'<model name="m">{include(f"model://m{k - 1}")}</model>')
+    assert "deep in one another" in refused(tmp_path, world(include("model://m39")), files)
+
+
+def many(name: str, below: str, n: int = 10) -> str:
+    """A node that uses another one many times."""
+    return f'<node id="{name}">' + f'<instance_node url="#{below}"/>' * n + "</node>"
+
+
+NODES = "<library_nodes>" + f'<node id="n0">{gz.INSTANCE}</node>'
+NODES += "".join(many(f"n{k}", f"n{k - 1}") for k in range(1, 12)) + "</library_nodes>"
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "parts"),
+    [
+        ("a.dae", "not a mesh", ["a.dae:1", "expected XML"]),
+        ("a.dae", gz.dae(doctype=BOMB), ["a.dae:1", "DOCTYPE"]),
+        ("a.dae", gz.dae(nodes=""), ["a.dae", "faces, got none"]),
+        ("a.dae", gz.dae(positions="nan " * 24), ["a.dae", "not a finite number"]),
+        ("a.dae", gz.dae(positions="0 " * 24), ["a.dae", "faces, got none"]),
+        ("a.dae", gz.dae(positions="0 0 0"), ["a.dae"]),
+        ("a.dae", gz.dae(meter=1e12), ["'thing'", "m large"]),
+        ("a.dae", gz.dae(extra=NODES, nodes=many("top", "n11")), ["a.dae", "nodes in use"]),
+        ("a.dae", "<COLLADA>" + "<a>" * 9000, ["a.dae:1", "deep"]),
+        ("a.obj", "v 0 0 0\n", ["a.obj", "faces, got none"]),
+        ("a.obj", "v 0 0 0\nf 1 2 3\n", ["a.obj"]),
+        ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["a.obj", "finite"]),
+        ("a.obj", b"\xff\xfe\x00" * 99, ["a.obj"]),
+        ("a.stl", b"", ["a.stl"]),
+        ("a.stl", bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50), ["a.stl"]),
+        ("a.stl", bytes(80) + struct.pack("<I", 0), ["a.stl"]),
+        ("a.dae", b"PK\x03\x04" + bytes(100), ["a.dae", "expected XML"]),
+    ],
+)
+def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str]) -> None:
+    message = refused(tmp_path, world(model(visual(mesh(file)))), {f"worlds/{file}": content})
+    assert [p for p in parts if p not in message] == []
+
+
+@pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1e7 1e7 1e7", "1 1"])
+def test_scales(tmp_path: Path, scale: str) -> None:
+    shown = mesh("a.dae", f"<scale>{scale}</scale>")
+    message = refused(tmp_path, world(model(visual(shown))), {"worlds/a.dae": gz.dae()})
+    assert "test.world:1" in message and ("<scale>" in message)
+
+
+def wide_png(width_px: int, height_px: int) -> bytes:
+    """A picture of a few bytes that says it is very wide."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    head = struct.pack(">IIBBBBB", width_px, height_px, 8, 2, 0, 0, 0)
+    packed = zlib.compress(bytes(1000))
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        (b"no picture", "cannot read this"),
+        (b"", "cannot read this"),
+        (wide_png(9000, 10), "at most 8192 pixels a side, got 9000 x 10"),
+        (wide_png(60000, 60000), "p.png"),
+        (wide_png(50, 50), "cannot read this"),
+    ],
+)
+def test_pictures(tmp_path: Path, content: bytes, part: str) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.dae": gz.dae(picture="p.png"),
+        "worlds/p.png": content,
+    }
+    message = refused(tmp_path, world(model(visual(mesh("a.dae")))), files)
+    assert "p.png" in message and part in message
+
+
+def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from vrchain.scene.gazebo import meshes, sdf
+
+    monkeypatch.setattr(meshes, "MOST_MESH_BYTES", 1 << 20)
+    big = gz.obj() + "# " + "x" * (1 << 20)
+    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), {"worlds/a.obj": big})
+    assert "a.obj: expected at most 1 MiB" in message
+    monkeypatch.setattr(sdf, "MOST_XML_BYTES", 1 << 20)
+    assert "test.world: expected at most 1 MiB" in refused(tmp_path, " " * ((1 << 20) + 1))
+
+
+def test_a_broken_script(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        "models/m/materials/scripts/a.material": "material A\n{\n" + "{\n" * 99,
+        **gz.folder_of(
+            "m",
+            model(
+                visual(
+                    box("1 1 1"), material="<material><script><name>A</name></script></material>"
+                )
+            ),
+        ),
+    }
+    message = refused(tmp_path, world(include("model://m")), files)
+    assert "a.material: braces" in message
+
+
+def test_a_pipe_is_no_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.dae")
+    write(tmp_path, {"t.world": world(model(visual(mesh("a.dae"))))})
+    with pytest.raises(SpecError, match=r"no mesh 'a\.dae'"):
+        load_scene(tmp_path / "t.world")

@@ -1,0 +1,69 @@
+"""What a model of somebody else's is: guessed from its name, then from its shape."""
+
+import re
+
+# The first kind one of whose words is in a name: a lamp_post is a lamp, not a pole.
+_WORDS: tuple[tuple[str, str], ...] = (
+    ("robot", "robot pioneer pioneer2dx pioneer3at turtlebot turtlebot3 husky jackal pr2 irobot "
+              "quadrotor drone iris rover"),
+    ("person", "person pedestrian walking standing actor human casual man woman"),
+    ("sign", "sign signpost billboard speed_limit"),
+    ("lamp", "lamp light lamppost streetlight stoplight"),
+    ("mailbox", "mailbox postbox"),
+    ("hydrant", "hydrant"),
+    ("cone", "cone"),
+    ("bin", "dumpster bin trash garbage wastebasket"),
+    ("ground", "ground plane asphalt road street sidewalk pavement kerb curb crosswalk marking "
+               "grass terrain lawn parking floor heightmap lane intersection driveway"),
+    ("hedge", "hedge"),
+    ("fence", "fence railing guardrail"),
+    ("wall", "wall"),
+    ("barrier", "barrier jersey"),
+    ("bush", "bush shrub"),
+    ("tree", "tree pine oak birch palm fir spruce"),
+    ("pole", "pole post mast pylon"),
+    ("vehicle", "suv hatchback car truck van bus pickup prius ambulance taxi sedan jeep tractor "
+                "trailer firetruck vehicle motorcycle bicycle bike"),
+    ("barn", "barn silo"),
+    ("house", "house home cottage villa bungalow"),
+    ("shop", "grocery store shop market supermarket cafe restaurant bakery thrift salon mall "
+             "gas_station gasoline kiosk"),
+    ("building", "station office building hospital school church tower warehouse garage apartment "
+                 "bank hotel library museum workshop factory post_office hangar shed"),
+)  # fmt: skip
+_KINDS = {word: kind for kind, words in reversed(_WORDS) for word in words.split()}
+_WHOLE = ("gas_station", "post_office", "speed_limit")  # of two words, looked for first
+_FLAT_M, _WIDE_M = 0.25, 2.0
+_SLIM_M, _TALL_M = 0.8, 2.0
+_BUILDING_M = (5.0, 5.0, 2.5)
+
+
+def guess(name: str, size_m: tuple[float, float, float], leafy: bool) -> str:
+    """The kind of a model of this name and size; leafy: whether most of it is cut out.
+
+    A name says more than a shape, but for what is as flat as ground.
+    """
+    named = _named(name)
+    if named:
+        return named
+    x_m, y_m, z_m = size_m
+    if z_m < _FLAT_M and max(x_m, y_m) > _WIDE_M:
+        return "ground"
+    if leafy:
+        return "tree" if z_m > _TALL_M else "bush"
+    if max(x_m, y_m) < _SLIM_M and z_m > _TALL_M:
+        return "pole"
+    if min(x_m, y_m) > _BUILDING_M[0] and z_m > _BUILDING_M[2]:
+        return "building"
+    return "object"
+
+
+def _named(name: str) -> str | None:
+    """The kind that a name's words tell, if any."""
+    lowered = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
+    for word in _WHOLE:
+        if word in lowered:
+            return _KINDS[word]
+    words = [w for w in re.split(r"[^a-z]+", lowered) if w]
+    kinds = {_KINDS[w] for w in words if w in _KINDS}
+    return next((kind for kind, _ in _WORDS if kind in kinds), None)

@@ -1,0 +1,312 @@
+"""Materials: OGRE scripts, Gazebo's stock colours, and the pictures that they name."""
+
+import io
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.errors import SpecError
+from vrchain.scene.gazebo.files import Folders, read_bytes
+from vrchain.scene.gazebo.limits import (
+    MOST_IMAGE_BYTES,
+    MOST_IMAGE_PX,
+    MOST_SCRIPT_BYTES,
+    MOST_TEXELS,
+    TEXTURE_PX,
+)
+from vrchain.scene.gazebo.notes import Notes
+from vrchain.scene.gazebo.xml import Element
+from vrchain.scene.model import OPAQUE
+
+Colour = tuple[float, float, float]
+_FORMATS = ("PNG", "JPEG", "TGA", "BMP", "GIF", "TIFF", "WEBP", "DDS")
+_PLAIN_PX = 8
+HALF = OPAQUE - 1  # alpha above which a texel of a blended picture is taken for solid
+_BLENDED = (["alpha_blend"], ["src_alpha", "one_minus_src_alpha"])
+_WHITE: Colour = (1.0, 1.0, 1.0)
+
+# Diffuse colours of the script that comes with Gazebo; what it draws with pictures of its own has
+# about their mean colour here.
+STOCK: dict[str, Colour] = {
+    "Grey": (0.7, 0.7, 0.7), "Gray": (0.7, 0.7, 0.7), "DarkGrey": (0.175, 0.175, 0.175),
+    "DarkGray": (0.175, 0.175, 0.175), "White": _WHITE, "FlatBlack": (0.1, 0.1, 0.1),
+    "Black": (0.0, 0.0, 0.0), "Red": (1.0, 0.0, 0.0), "RedBright": (0.87, 0.26, 0.07),
+    "Green": (0.0, 1.0, 0.0), "Blue": (0.0, 0.0, 1.0), "SkyBlue": (0.13, 0.44, 0.7),
+    "Yellow": (1.0, 1.0, 0.0), "ZincYellow": (0.9725, 0.9529, 0.2078),
+    "DarkYellow": (0.7, 0.7, 0.0), "Purple": (1.0, 0.0, 1.0), "Turquoise": (0.0, 1.0, 1.0),
+    "Orange": (1.0, 0.5088, 0.0468), "Indigo": (0.33, 0.0, 0.5), "Gold": (0.8, 0.649, 0.121),
+    "Pioneer2Body": (0.681, 0.001, 0.001), "LightOn": (0.0, 1.0, 0.0),
+    "LightOff": (1.0, 0.0, 0.0), "WhiteGlow": _WHITE, "RedGlow": (1.0, 0.0, 0.0),
+    "GreenGlow": (0.0, 1.0, 0.0), "BlueGlow": (0.0, 0.0, 1.0), "YellowGlow": (1.0, 1.0, 0.0),
+    "PurpleGlow": (1.0, 0.0, 1.0), "TurquoiseGlow": (0.0, 1.0, 1.0),
+}  # fmt: skip
+PICTURED: dict[str, Colour] = {
+    "Wood": (0.61, 0.46, 0.3), "LightWood": (0.8, 0.68, 0.5), "WoodFloor": (0.6, 0.42, 0.26),
+    "WoodPallet": (0.66, 0.55, 0.4), "Bricks": (0.6, 0.35, 0.28), "Grass": (0.3, 0.42, 0.16),
+    "Road": (0.35, 0.35, 0.35), "Residential": (0.4, 0.4, 0.4), "Tertiary": (0.4, 0.4, 0.4),
+    "Primary": (0.35, 0.35, 0.35), "Trunk": (0.35, 0.35, 0.35), "Motorway": (0.35, 0.35, 0.35),
+    "Lanes_4": (0.35, 0.35, 0.35), "Lanes_6": (0.35, 0.35, 0.35),
+    "Pedestrian": (0.62, 0.6, 0.57), "Footway": (0.62, 0.6, 0.57),
+    "PaintedWall": (0.85, 0.83, 0.78), "CeilingTiled": (0.85, 0.85, 0.82),
+    "WindowFrame": (0.7, 0.7, 0.7), "PioneerBody": (0.65, 0.1, 0.1),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Look:
+    """How a surface is drawn: a colour, times a picture if there is one.
+
+    solid_above: alpha, 0..255, above which a texel is solid; None: all of it is. repeats: how often
+    the picture is repeated where texture coordinates run from 0 to 1.
+    """
+
+    colour: Colour = _WHITE
+    picture: Path | None = None
+    solid_above: int | None = None
+    repeats: tuple[float, float] = (1.0, 1.0)
+
+
+class Materials:
+    """Looks of visuals, and the textures that they are drawn with, each read once."""
+
+    def __init__(self, folders: Folders, notes: Notes) -> None:
+        self._folders, self._notes = folders, notes
+        self._scripts: dict[Path, dict[str, _Script]] = {}
+        self._textures: dict[Look, NDArray[np.uint8]] = {}
+        self._texels = 0
+
+    def look(self, visual: Element) -> tuple[Look | None, Colour]:
+        """The look that a visual's <material> sets, if it does; and a tint of the mesh's own."""
+        material = visual.find("material")
+        if material is None:
+            return None, _WHITE
+        if material.find("normal_map") or material.find("shader/normal_map"):
+            self._notes.add("normal maps")
+        script = material.find("script")
+        if script is not None and script.words("name"):
+            return self._scripted(script), _WHITE
+        albedo = material.words("pbr/metal/albedo_map") or material.words("pbr/specular/albedo_map")
+        diffuse = material.find("diffuse")
+        colour = _WHITE if diffuse is None else _colour(diffuse)
+        if albedo:
+            picture = self.picture(albedo, visual, [visual.file.parent])
+            if picture is not None:
+                return Look(colour, picture, HALF), _WHITE
+        return None, colour
+
+    def picture(self, name: str, element: Element, folders: list[Path]) -> Path | None:
+        """The file of a picture by its name or URI, in folders or in textures/ beside them.
+
+        None, with a note, where there is none.
+        """
+        name = name.strip().replace("\\", "/").removeprefix("file://")
+        for folder in folders:
+            near = (folder.parent / "materials" / "textures", folder / "materials" / "textures")
+            for place in (folder, *(n for n in near if self._folders.hold(n))):
+                found = self._folders.find(name, place, element)
+                if found is not None and found.is_file():
+                    return found
+        self._notes.add("pictures that are missing", name)
+        return None
+
+    def beside(self, name: str, folder: Path, element: Element) -> Path | None:
+        """The file that another in ``folder`` names, or None."""
+        found = self._folders.find(name.strip().replace("\\", "/"), folder, element)
+        return found if found is not None and found.is_file() else None
+
+    def texture(self, look: Look) -> NDArray[np.uint8]:
+        """The texture of a look, (h, w, 3 or 4) uint8, the same array every time."""
+        key = replace(look, repeats=(1.0, 1.0))
+        if key not in self._textures:
+            made = self._made(key)
+            self._texels += made.shape[0] * made.shape[1]
+            if self._texels > MOST_TEXELS:
+                raise SpecError(
+                    f"{look.picture}: the world's pictures have more than {MOST_TEXELS:.0e} pixels "
+                    "together: shrink some"
+                )
+            self._textures[key] = made
+        return self._textures[key]
+
+    def _made(self, look: Look) -> NDArray[np.uint8]:
+        colour = np.clip(look.colour, 0, 1)
+        if look.picture is None:
+            plain = np.round(255 * colour).astype(np.uint8)
+            return np.broadcast_to(plain, (_PLAIN_PX, _PLAIN_PX, 3)).copy()
+        rgba = read_picture(look.picture)
+        rgb = rgba[..., :3].copy()
+        if look.colour != _WHITE:
+            rgb = np.round(rgb * colour).astype(np.uint8)
+        if look.solid_above is None:
+            return rgb
+        solid = rgba[..., 3] > look.solid_above
+        if solid.all():
+            return rgb
+        return np.dstack([rgb, np.where(solid, 255, 0).astype(np.uint8)])
+
+    def _scripted(self, script: Element) -> Look:
+        """The look of a <script>: its name in the scripts of its <uri>s, or in the model's own."""
+        name = script.words("name")
+        folders = []
+        for uri in script.all("uri"):
+            if uri.text and not uri.text.startswith("file://"):
+                found = self._folders.find(uri.text, script.file.parent, uri)
+                if found is None:
+                    self._notes.add("material folders that are missing", uri.text)
+                else:
+                    folders.append(found)
+        folders.append(script.file.parent / "materials" / "scripts")
+        for file in _script_files(folders):
+            if file not in self._scripts:
+                self._scripts[file] = dict(read_script(file))
+            found_script = self._scripts[file].get(name)
+            if found_script is not None:
+                return self._look_of(found_script, script, [*folders, file.parent])
+        stock = name.removeprefix("Gazebo/")
+        if stock in STOCK:
+            return Look(STOCK[stock])
+        if stock in PICTURED:
+            self._notes.add("stock materials drawn in one colour", name)
+            return Look(PICTURED[stock])
+        self._notes.add("materials that are missing, drawn grey", name)
+        return Look(STOCK["Grey"])
+
+    def _look_of(self, script: "_Script", element: Element, folders: list[Path]) -> Look:
+        picture = None
+        if script.picture:
+            places = [f.parent if f.is_file() else f for f in folders]
+            picture = self.picture(script.picture, element, places)
+        return Look(script.colour, picture, script.solid_above, script.repeats)
+
+
+@dataclass(frozen=True)
+class _Script:
+    """What counts here of an OGRE material: its first pass's first picture, colour and alpha."""
+
+    picture: str = ""
+    colour: Colour = _WHITE
+    solid_above: int | None = None
+    repeats: tuple[float, float] = (1.0, 1.0)
+
+
+def _script_files(places: list[Path]) -> Iterator[Path]:
+    for place in places:
+        if place.is_file():
+            yield place
+        elif place.is_dir():
+            yield from sorted(f for f in place.glob("*.material") if f.is_file())
+
+
+def read_script(file: Path) -> Iterator[tuple[str, _Script]]:
+    """The materials of an OGRE script by name. Programs are skipped, as all that is not known.
+
+    See the manual of OGRE 1, "Material Scripts".
+    """
+    inside: list[str] = []
+    name, script = "", _Script()
+    opened = ""
+    text = read_bytes(file, MOST_SCRIPT_BYTES).decode("utf-8", errors="replace")
+    for line in _statements(text):
+        if line == "{":
+            inside.append(opened.split(" ", 1)[0] if opened else "")
+            if len(inside) > 64:
+                raise SpecError(f"{file}: braces lie more than 64 deep")
+            opened = ""
+        elif line == "}":
+            if inside == ["material"]:
+                yield name, script
+            if inside:
+                inside.pop()
+        else:
+            opened = line
+            if not inside and line.startswith("material "):
+                name, script = line[9:].split(" : ")[0].strip().strip('"'), _Script()
+            elif inside[:1] == ["material"]:
+                script = _with(script, inside[1:], line.split(), file)
+
+
+def _statements(text: str) -> Iterator[str]:
+    """Lines without comments, and braces each on a line of its own."""
+    commented = False
+    for line in text.splitlines():
+        if commented:
+            _, end, line = line.partition("*/")
+            commented = not end
+        before, begin, after = line.partition("/*")
+        if begin:
+            commented = "*/" not in after
+            line = before + after.partition("*/")[2]
+        line = line.partition("//")[0] if "://" not in line else line
+        for piece in line.replace("{", "\n{\n").replace("}", "\n}\n").split("\n"):
+            if piece.strip():
+                yield " ".join(piece.split())
+
+
+def _with(script: _Script, inside: list[str], words: list[str], file: Path) -> _Script:
+    """A material with one more statement, which stands in these braces of it."""
+    first = words[0]
+    if inside == ["technique", "pass"]:
+        if first == "diffuse" and len(words) >= 4 and words[1] != "vertexcolour":
+            if script.colour == _WHITE:
+                return replace(script, colour=_floats(words[1:4], file))
+        elif first == "alpha_rejection" and len(words) >= 3:
+            if words[1] in ("greater", "greater_equal"):
+                most = int(_floats(words[2:3] * 3, file)[0]) - (words[1] == "greater_equal")
+                return replace(script, solid_above=max(0, min(254, most)))
+        elif first == "scene_blend" and words[1:] in _BLENDED and script.solid_above is None:
+            return replace(script, solid_above=HALF)
+    elif inside == ["technique", "pass", "texture_unit"]:
+        if first == "texture" and len(words) >= 2 and not script.picture:
+            return replace(script, picture=words[1].strip('"'))
+        if first == "scale" and len(words) >= 3 and script.repeats == (1.0, 1.0):
+            u, v, _ = _floats([*words[1:3], "1"], file)
+            if u and v:
+                return replace(script, repeats=(1 / u, 1 / v))
+    return script
+
+
+def _floats(words: list[str], file: Path) -> Colour:
+    try:
+        a, b, c = (float(word) for word in words)
+    except ValueError:
+        a = math.nan
+    if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c)):
+        raise SpecError(f"{file}: expected numbers, got {' '.join(words)[:60]!r}")
+    return a, b, c
+
+
+def _colour(element: Element) -> Colour:
+    """A colour of three or four numbers."""
+    values = element.numbers(min(max(len(element.text.split()), 3), 4))
+    return values[0], values[1], values[2]
+
+
+def read_picture(file: Path) -> NDArray[np.uint8]:
+    """A picture as (h, w, 4) uint8 RGBA, at most ``TEXTURE_PX`` a side. Raises SpecError."""
+    from PIL import Image
+
+    data = read_bytes(file, MOST_IMAGE_BYTES)
+    try:
+        with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
+            if max(image.size) > MOST_IMAGE_PX or min(image.size) < 1:
+                raise SpecError(
+                    f"{file}: expected a picture of at most {MOST_IMAGE_PX} pixels a side, "
+                    f"got {image.size[0]} x {image.size[1]}"
+                )
+            drawn = image.convert("RGBA")
+    except SpecError:
+        raise
+    except Exception as error:  # decoders raise almost anything
+        reason = " ".join(str(error).replace("<_io.BytesIO object", "<it").split())[:120]
+        raise SpecError(
+            f"{file}: expected a picture ({', '.join(_FORMATS)}), cannot read this: {reason}"
+        ) from None
+    scale = TEXTURE_PX / max(drawn.size)
+    if scale < 1:
+        size = (max(1, round(drawn.width * scale)), max(1, round(drawn.height * scale)))
+        drawn = drawn.resize(size, Image.Resampling.BOX)
+    return np.asarray(drawn)

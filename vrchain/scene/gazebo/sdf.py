@@ -1,0 +1,374 @@
+"""SDF documents: which models a world places where, and the visuals of each.
+
+Poses are x y z roll pitch yaw, turns about fixed axes; they compose from the visual outwards.
+See http://sdformat.org/spec.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import rotation_z
+from vrchain.scene.gazebo.files import VARIABLES, Folders, read_bytes
+from vrchain.scene.gazebo.limits import MOST_INCLUDES_DEEP, MOST_MODELS, MOST_XML_BYTES
+from vrchain.scene.gazebo.notes import Notes
+from vrchain.scene.gazebo.xml import Element, parse
+
+Matrix = NDArray[np.float64]
+
+_FRAMED = ("link", "model", "include", "frame", "joint")
+# What may stand in a world, model or link and is not drawn, and how the warning calls it.
+_UNSUPPORTED = {
+    "plugin": "plugins",
+    "actor": "actors",
+    "population": "populations",
+    "road": "roads of lines",
+    "light": "lights beside the sun",
+    "sensor": "sensors",
+    "projector": "projectors",
+    "particle_emitter": "particle emitters",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class Visual:
+    """Something to be drawn. matrix: (4, 4) from its frame to its model's."""
+
+    element: Element
+    matrix: Matrix
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """A model as its file has it: its own pose, its visuals, and models within it.
+
+    count: of models, itself and those within it, and within these. ours: what a world of our own
+    says of it.
+    """
+
+    name: str
+    pose: Matrix
+    visuals: tuple[Visual, ...]
+    nested: tuple["Placed", ...]
+    design: str  # the folder's name if it has one, else its own
+    count: int
+    ours: Element | None
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A model in a world or in another model. matrix: (4, 4) from its frame to that one's."""
+
+    name: str
+    model: Model
+    matrix: Matrix
+    element: Element
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """What a file holds. sun: (3,) the way that its light goes; None if there is no sun.
+
+    ours: what a world of our own says of its season and light.
+    """
+
+    name: str
+    models: tuple[Placed, ...]
+    sun: Matrix | None
+    ours: Element | None
+
+
+def read_world(path: Path, folders: Folders, notes: Notes) -> World:
+    """The world of a file, or its one model as a world. Raises SpecError."""
+    return _Reader(folders, notes).world(path)
+
+
+def pose_matrix(element: Element | None) -> Matrix:
+    """A <pose> as (4, 4); the identity where there is none."""
+    matrix = np.eye(4)
+    if element is None or not element.text:
+        return matrix
+    if element.attributes.get("rotation_format", "euler_rpy") == "quat_xyzw":
+        x_m, y_m, z_m, *quaternion = element.numbers(7)
+        matrix[:3, :3] = _of_quaternion(np.array(quaternion), element)
+    else:
+        x_m, y_m, z_m, *angles = element.numbers(6)
+        scale = np.pi / 180 if element.attributes.get("degrees") in ("true", "1") else 1.0
+        roll, pitch, yaw = (scale * a for a in angles)
+        matrix[:3, :3] = rotation_z(yaw) @ _rotation_y(pitch) @ _rotation_x(roll)
+    matrix[:3, 3] = x_m, y_m, z_m
+    return matrix
+
+
+def _rotation_x(angle_rad: float) -> Matrix:
+    return np.roll(rotation_z(angle_rad), 1, axis=(0, 1))
+
+
+def _rotation_y(angle_rad: float) -> Matrix:
+    return np.roll(rotation_z(angle_rad), 2, axis=(0, 1))
+
+
+def _of_quaternion(xyzw: Matrix, element: Element) -> Matrix:
+    norm = float(np.linalg.norm(xyzw))
+    if not norm > 1e-9:
+        raise element.error("expected a quaternion, got one of length 0")
+    x, y, z, w = xyzw / norm
+    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
+
+
+class _Reader:
+    """Reads a world's files, each of them once."""
+
+    def __init__(self, folders: Folders, notes: Notes) -> None:
+        self._folders, self._notes = folders, notes
+        self._models: dict[Path, Model | Element] = {}
+        self._open: list[Path] = []  # files that include one another, the world first
+        self._deep = 0  # models in one another, where it reads
+
+    def world(self, path: Path) -> World:
+        root = self._document(path)
+        worlds = list(root.all("world"))
+        if len(worlds) > 1:
+            names = ", ".join(w.attributes.get("name", "") for w in worlds[1:])
+            self._notes.add("worlds after the file's first", names)
+        scope = worlds[0] if worlds else root
+        if not worlds and root.find("model") is None:
+            raise root.error("expected a <world> or a <model> in it")
+        self._open.append(path.resolve())
+        lights: list[Element] = list(scope.all("light"))
+        models = list(self._placed(scope, "world", lights))
+        self._unsupported(scope, lights=False)
+        return World(
+            scope.attributes.get("name", path.stem),
+            tuple(_as_saved(models, scope, self._notes)),
+            self._sun(lights),
+            scope.find("vrchain:scene"),
+        )
+
+    def _document(self, path: Path) -> Element:
+        root = parse(read_bytes(path, MOST_XML_BYTES), path)
+        if root.tag not in ("sdf", "gazebo"):
+            raise root.error("expected <sdf> as the document's root")
+        return root
+
+    def _placed(self, scope: Element, frame: str, lights: list[Element]) -> Iterator[Placed]:
+        """The models of a world or model, with their frames resolved; its lights are added."""
+        own: dict[int, Model] = {}
+        for element in scope.all("model", "include"):
+            found = self._model(element) if element.tag == "model" else self._included(element)
+            if isinstance(found, Element):
+                if found.tag == "light":
+                    lights.append(found)
+                else:
+                    self._notes.add(_UNSUPPORTED.get(found.tag, found.tag), found.file.parent.name)
+                continue
+            own[id(element)] = found
+        frames = _Frames(scope, frame, {k: (m.name, m.pose) for k, m in own.items()})
+        if sum(model.count for model in own.values()) > MOST_MODELS:
+            raise scope.error(f"expected at most {MOST_MODELS} models, in includes as well")
+        for element in scope.all("model", "include"):
+            model = own.get(id(element))
+            if model is not None:
+                name = _name_of(element, model.name)
+                yield Placed(name, model, frames.of(element, model.pose), element)
+
+    def _model(self, element: Element, design: str | None = None) -> Model:
+        self._deep += 1
+        if self._deep > MOST_INCLUDES_DEEP:
+            raise element.error(f"models lie more than {MOST_INCLUDES_DEEP} deep in one another")
+        self._unsupported(element)
+        for joint in element.all("joint"):
+            if joint.attributes.get("type") != "fixed":
+                self._notes.add("joints that move", joint.attributes.get("name", ""))
+        name = element.attributes.get("name", "") or element.file.parent.name
+        lights: list[Element] = []
+        nested = tuple(self._placed(element, "__model__", lights))
+        for _ in lights:
+            self._notes.add(_UNSUPPORTED["light"], name)
+        own = {id(p.element): (p.name, p.model.pose) for p in nested}
+        frames = _Frames(element, "__model__", own)
+        visuals = []
+        for link in element.all("link"):
+            self._unsupported(link)
+            for visual in link.all("visual"):
+                self._unsupported(visual)
+                visuals.append(Visual(visual, frames.of_visual(visual, frames.of(link))))
+        self._deep -= 1
+        pose = pose_matrix(element.find("pose"))
+        count = 1 + sum(p.model.count for p in nested)
+        ours = element.find("vrchain:object")
+        return Model(name, pose, tuple(visuals), nested, design or name, count, ours)
+
+    def _included(self, include: Element) -> Model | Element:
+        """The model of an <include>; or the element of what else it holds, such as a light."""
+        self._unsupported(include)
+        file = self._model_file(include)
+        if file in self._open:
+            circle = " -> ".join(str(f.name) for f in (*self._open, file))
+            raise include.error(f"{include.words('uri')} includes itself: {circle}")
+        if include.find("placement_frame") is not None:
+            self._notes.add("placement frames", include.words("placement_frame"))
+        if file not in self._models:
+            self._open.append(file)
+            root = self._document(file)
+            found = root.find("model")
+            if found is not None:
+                in_folder = file.parent in self._folders.models
+                design = file.stem if in_folder else file.parent.name
+                self._models[file] = self._model(found, design)
+            else:
+                others = list(root.all("light", "actor"))
+                if not others:
+                    raise root.error("expected a <model> in it")
+                self._models[file] = others[0]
+            self._open.pop()
+        return self._models[file]
+
+    def _model_file(self, include: Element) -> Path:
+        uri = include.words("uri")
+        if not uri:
+            raise include.error("expected a <uri>")
+        found = self._folders.find(uri, include.file.parent, include)
+        if found is None:
+            raise include.error(
+                f"no model {uri[:200]!r} in the folders searched ({self._folders}): "
+                f"name its folder's parent in {VARIABLES[0]} or {VARIABLES[1]}"
+            )
+        if found.is_file():
+            return found
+        config = found / "model.config"
+        named = "model.sdf"
+        if config.is_file():
+            listed = list(parse(read_bytes(config, MOST_XML_BYTES), config).all("sdf"))
+            if listed:
+                named = max(listed, key=_version).text
+        file = self._folders.find(named, found, include)
+        if file is None or not file.is_file():
+            raise include.error(f"the model {uri!r} has no file {named!r} in {found}")
+        return file
+
+    def _unsupported(self, scope: Element, *, lights: bool = True) -> None:
+        for element in scope.all(*_UNSUPPORTED):
+            if lights or element.tag != "light":
+                name = element.attributes.get("filename") or element.attributes.get("name", "")
+                self._notes.add(_UNSUPPORTED[element.tag], name)
+
+    def _sun(self, lights: Iterable[Element]) -> Matrix | None:
+        """The direction of the first directional light; the others are noted."""
+        sun = None
+        for light in lights:
+            if sun is None and light.attributes.get("type") == "directional":
+                way = light.find("direction")
+                given = (0.0, 0.0, -1.0) if way is None else way.numbers(3)
+                turned = pose_matrix(light.find("pose"))[:3, :3] @ np.array(given)
+                length = float(np.linalg.norm(turned))
+                if not length > 1e-9:
+                    raise light.error("expected a <direction>, got one of length 0")
+                sun = turned / length
+            else:
+                self._notes.add(_UNSUPPORTED["light"], light.attributes.get("name", ""))
+        return sun
+
+
+class _Frames:
+    """Poses of what a world or model holds, in its frame, by ``relative_to`` where given."""
+
+    def __init__(self, scope: Element, own: str, placed: dict[int, tuple[str, Matrix]]) -> None:
+        self._scope, self._own = scope, own
+        self._placed = placed
+        self._elements: dict[str, Element] = {}
+        for element in scope.all(*_FRAMED):
+            known = placed.get(id(element))
+            name = _name_of(element, known[0] if known else "")
+            if name:
+                self._elements.setdefault(name, element)
+
+    def of(self, element: Element, default: Matrix | None = None) -> Matrix:
+        """Pose of a child of the scope; ``default`` is a model's own, where none is given."""
+        return self._pose(element, default, ())
+
+    def of_visual(self, visual: Element, link: Matrix) -> Matrix:
+        """Pose of a visual, whose link has a known one."""
+        pose = visual.find("pose")
+        given = pose.attributes.get("relative_to", "") if pose is not None else ""
+        return (self._named(given, visual, ()) if given else link) @ pose_matrix(pose)
+
+    def _pose(self, element: Element, default: Matrix | None, seen: tuple[str, ...]) -> Matrix:
+        pose = element.find("pose")
+        if pose is None and default is not None:
+            return default
+        given = pose.attributes.get("relative_to", "") if pose is not None else ""
+        if not given and element.tag == "frame":
+            given = element.attributes.get("attached_to", "")
+        if not given and element.tag == "joint":
+            given = element.words("child")
+        base = self._named(given, element, seen) if given else np.eye(4)
+        return base @ pose_matrix(pose)
+
+    def _named(self, name: str, user: Element, seen: tuple[str, ...]) -> Matrix:
+        if name in (self._own, "world", "__model__"):
+            return np.eye(4)
+        if name in seen or len(seen) > 64:
+            raise user.error(f"its pose depends on itself: {' -> '.join((*seen, name))[:200]}")
+        element = self._elements.get(name)
+        if element is None:
+            raise user.error(f"there is no frame {name[:80]!r} in <{self._scope.tag}>")
+        known = self._placed.get(id(element))
+        return self._pose(element, known[1] if known else None, (*seen, name))
+
+
+def _name_of(element: Element, otherwise: str) -> str:
+    if element.tag == "include":
+        return element.words("name") or otherwise
+    return element.attributes.get("name", "") or otherwise
+
+
+def _version(sdf: Element) -> tuple[int, ...]:
+    words = sdf.attributes.get("version", "0").split(".")
+    return tuple(int(word) if word.isdigit() else 0 for word in words)
+
+
+def _as_saved(models: list[Placed], scope: Element, notes: Notes) -> Iterator[Placed]:
+    """The models where a saved <state> has put them."""
+    state = scope.find("state")
+    saved: dict[str, Element] = {}
+    for element in state.all("model") if state is not None else ():
+        saved[element.attributes.get("name", "")] = element
+    for placed in models:
+        where = saved.get(placed.name)
+        matrix = placed.matrix
+        if where is not None:
+            matrix = pose_matrix(where.find("pose"))
+            scale = where.find("scale")
+            if scale is not None and scale.numbers(3) != (1.0, 1.0, 1.0):
+                notes.add("scales of a saved state", placed.name)
+        yield Placed(placed.name, placed.model, matrix, placed.element)
+    if state is not None and state.find("insertions/model") is not None:
+        notes.add("models inserted in a saved state")
+
+
+def flat(placed: Placed, outer: Matrix, prefix: str = "") -> Iterator[tuple[str, Model, Matrix]]:
+    """A placed model as the objects it stands for: name, model, matrix to the world.
+
+    A model with visuals of its own is one object, with all that lies within it. One without, a mere
+    group, is as many objects as there are in it, named with their group's name before ``::``.
+    """
+    matrix = outer @ placed.matrix
+    name = prefix + placed.name
+    if placed.model.visuals:
+        yield name, placed.model, matrix
+        return
+    for part in placed.model.nested:
+        yield from flat(part, matrix, f"{name}::")
+
+
+def all_visuals(model: Model, matrix: Matrix) -> Iterator[Visual]:
+    """The visuals of a model and of all models within it, with matrices to its frame."""
+    for visual in model.visuals:
+        yield Visual(visual.element, matrix @ visual.matrix)
+    for part in model.nested:
+        yield from all_visuals(part.model, matrix @ part.matrix)
