@@ -6,6 +6,7 @@ import sights
 from hypothesis import given
 from hypothesis import strategies as st
 
+from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
 from vrchain.landmarks.recognition import Goal, Template
 from vrchain.landmarks.sift import Features
@@ -83,8 +84,16 @@ def planned(
     robots: int = 4,
     **options: object,
 ) -> Plan:
-    """The plan of R1 where R2, R3 ... have the named landmarks in common."""
-    lists = {k: v if isinstance(v, list) else [landmark(v)] for k, v in edges.items()}
+    """The plan of R1 where R2, R3 ... have the named landmarks in common.
+
+    One given as a score alone is a landmark that no other two have in common.
+    """
+    lists = {
+        (a, b): v
+        if isinstance(v, list)
+        else [landmark(v, 0.3 * int(a[1:]), None, 0.3 * int(b[1:]))]
+        for (a, b), v in edges.items()
+    }
     newest = {f"R{i}": f"R{i}".encode() for i in range(robots, 1, -1)}
     return plan("R1", NOTHING, RIG, newest, StubIndex(lists, goal_matches), GOAL, **options)
 
@@ -138,18 +147,65 @@ def test_nobody_sees_the_goal() -> None:
     for n in (0, 1, 10):
         found = planned({("R1", "R2"): 0.9}, {"R2": n}, 3)
         assert found.route is None and found.goal_seen_by == {}
-        assert set(found.graph.edges) == {("R1", "R2")}
+        assert found.why_none == "no robot's newest panorama shows the goal"
+        assert [list(node.sights) for node in found.graph.landmarks] == [["R1", "R2"]]
 
 
 def test_no_chain_leads_to_who_sees_it() -> None:
     found = planned({("R1", "R2"): 0.9}, {"R3": 40}, 3)
     assert found.route is None and list(found.goal_seen_by) == ["R3"]
+    assert found.why_none == "R3 sees the goal, but no chain of common landmarks leads there"
+    found = planned({}, {"R2": 40, "R3": 40}, 3)
+    assert found.why_none.startswith("R2, R3 see the goal, but no chain")
+    assert planned({("R1", "R2"): 0.9}, {"R2": 40}, 2).why_none == ""
 
 
 def test_there_is_nobody_else() -> None:
     found = planned({}, {}, 1)
     assert found.route is None and found.goal_seen_by == {}
-    assert list(found.graph.nodes) == ["R1"]
+    assert found.graph.robots == ("R1",)
+    assert found.why_none == "the ledger holds no panorama of another robot"
+
+
+def test_panoramas_that_cannot_be_read_are_named() -> None:
+    class Torn(StubIndex):
+        def features(self, digest: bytes) -> Features:
+            if digest == b"R2":
+                raise ImageError("no panorama")
+            return super().features(digest)
+
+    torn = Torn({("R1", "R3"): [landmark(0.9)]}, {"R3": 40})
+    found = plan("R1", NOTHING, RIG, {"R2": b"R2", "R3": b"R3"}, torn, GOAL)
+    assert found.unreadable == ("R2",) and found.route.robots == ("R1", "R3")
+    found = plan("R1", NOTHING, RIG, {"R2": b"R2"}, torn, GOAL)
+    assert found.why_none == "no newest panorama can be read, of R2"
+
+
+def test_the_next_best_routes_share_no_landmark() -> None:
+    edges = {("R1", "R2"): 0.9, ("R2", "R4"): 0.9, ("R1", "R3"): 0.8, ("R3", "R4"): 0.8}
+    found = planned(edges, {"R4": 40})
+    assert found.route.robots == ("R1", "R2", "R4")
+    assert [spare.robots for spare in found.spares] == [("R1", "R3", "R4")]
+    crossing = {("R1", "R2"): 0.9, ("R2", "R3"): 0.9, ("R2", "R4"): 0.8}
+    found = planned(crossing, {"R3": 40, "R4": 40})
+    assert found.route.robots == ("R1", "R2", "R3") and found.spares == ()
+    assert planned(edges, {"R4": 40}, spares=0).spares == ()
+
+
+def test_a_landmark_that_three_see_leads_from_each_to_each() -> None:
+    """R1 and R3 were never found to see it both; R2 sees the same region as each of them."""
+    by_r1 = landmark(0.9, bearing_b=0.5, bearing_a=-1.0)
+    by_r3 = landmark(0.8, bearing_a=0.51, bearing_b=2.0)
+    edges = {("R1", "R2"): [by_r1], ("R2", "R3"): [by_r3]}
+    found = planned(edges, {"R3": 40}, 3)
+    assert found.route.robots == ("R1", "R3")
+    leg = found.route.legs[0]
+    assert leg.landmark.score == pytest.approx(0.72)
+    assert (leg.landmark.a, leg.landmark.b) == (by_r1.a, by_r3.b)
+    assert leg.landmark.support_a is by_r1.support_a
+    assert leg.landmark.support_b is by_r3.support_b
+    again = planned(edges, {"R3": 40}, 3, failed={leg.key})
+    assert again.route.robots == ("R1", "R2", "R3")
 
 
 def test_failed_landmarks_are_not_used_again() -> None:

@@ -168,19 +168,14 @@ class _Mission:
 
     def plan_route(self, features: Features) -> Route:
         others = self.newest()
-        if not others:
-            raise _GaveUp("the ledger holds no panorama of another robot")
         assert self.now.panorama is not None
         rig = self.now.panorama.rig
         found = plan(
             self.robot, features, rig, others, self.index, self.goal, self.failed, self.doubted
         )
         self._log_plan(found)
-        if not found.goal_seen_by:
-            raise _GaveUp("no robot's newest panorama shows the goal")
         if found.route is None:
-            names = ", ".join(sorted(found.goal_seen_by))
-            raise _GaveUp(f"{names} sees the goal, but no chain of common landmarks leads there")
+            raise _GaveUp(found.why_none)
         return found.route
 
     def drive_chain(self, route: Route) -> bool:

@@ -1,14 +1,13 @@
 """Planning: who sees the goal, and by which chain of common landmarks to get there.
 
-The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in a graph whose nodes are panoramas: the
-one in front of the robot and every other robot's newest; an edge is a common landmark.
+The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of panoramas: the one
+in front of the robot and every other robot's newest.
 """
 
 from collections.abc import Mapping, Set
 from dataclasses import dataclass
 from itertools import pairwise
 
-import networkx as nx
 import numpy as np
 
 from vrchain.errors import VRChainError
@@ -16,25 +15,30 @@ from vrchain.landmarks.common import CommonLandmark, Comparison, support_score
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.recognition import Goal, Sighting, find_goal
 from vrchain.landmarks.sift import Features
+from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
+from vrchain.navigation.planner import Chain
 from vrchain.panorama import CameraRig
 
 _FAR_M = 30.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _NEIGHBOUR_M = 10.0  # robots farther apart have few landmarks in common, and less sure ones
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
-
-_LEG_COST = 1e-9  # decides between chains of equal scores: the fewer legs the better
+_LEAST = 1e-300  # a chance is never nothing
 
 LandmarkKey = tuple[str, str, int]
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see."""
+    """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
+
+    node: the landmark's name in ``LandmarkGraph.networkx``.
+    """
 
     seen_by: str
     next_by: str
     landmark: CommonLandmark
     key: LandmarkKey  # names the landmark among those that failed
+    node: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,11 +58,32 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The best route, or None; and what is known of who sees the goal, in matches."""
+    """The best route, or None; what is known of who sees the goal, in matches; the graph.
+
+    spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
+    newest panorama is gone or is none.
+    """
 
     route: Route | None
-    graph: nx.Graph
+    spares: tuple[Route, ...]
+    graph: LandmarkGraph
     goal_seen_by: dict[str, Sighting]
+    unreadable: tuple[str, ...]
+
+    @property
+    def why_none(self) -> str:
+        """Why there is no route, in plain words; empty if there is one."""
+        if self.route is not None:
+            return ""
+        if len(self.graph.robots) == 1 and self.unreadable:
+            return f"no newest panorama can be read, of {', '.join(self.unreadable)}"
+        if len(self.graph.robots) == 1:
+            return "the ledger holds no panorama of another robot"
+        if not self.goal_seen_by:
+            return "no robot's newest panorama shows the goal"
+        names = ", ".join(sorted(self.goal_seen_by))
+        sees = "sees" if len(self.goal_seen_by) == 1 else "see"
+        return f"{names} {sees} the goal, but no chain of common landmarks leads there"
 
 
 def plan(
@@ -70,21 +95,22 @@ def plan(
     goal: Goal,
     failed: Set[LandmarkKey] = frozenset(),
     doubted: Set[str] = frozenset(),
+    spares: int = 2,
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
     newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
-    doubted: robots whose sighting of the goal is not to be trusted.
+    doubted: robots whose sighting of the goal is not to be trusted. spares: how many more routes.
     """
-    newest = {name: digest for name, digest in newest.items() if _readable(index, digest)}
+    unreadable = tuple(name for name in sorted(newest) if not _readable(index, newest[name]))
+    newest = {name: digest for name, digest in newest.items() if name not in unreadable}
     seen: dict[str, Sighting] = {}
     for name, digest in newest.items():
         sighting = find_goal(goal, index.features(digest))
         if sighting is not None and name not in doubted:
             seen[name] = sighting
-    graph = nx.Graph()
-    graph.add_nodes_from([robot, *newest])
     names = [robot, *sorted(newest)]
+    claims = []
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
             compared = (
@@ -92,15 +118,21 @@ def plan(
                 if a == robot
                 else index.compare(newest[a], newest[b])
             )
-            usable = [(c, _key(a, b, c)) for c in compared.common]
-            usable = [(c, key) for c, key in usable if key not in failed]
-            if usable:
-                baseline_m = _baseline_m(compared, rig)
-                worths = [worth(c, baseline_m) for c, _ in usable]
-                best = int(np.argmax(worths))
-                landmark, key = usable[best]
-                graph.add_edge(a, b, landmark=landmark, key=key, ends=(a, b), worth=worths[best])
-    return Plan(_best_route(graph, robot, seen), graph, seen)
+            baseline_m = _baseline_m(compared, rig)
+            claims += [
+                Claim(a, b, common, max(worth(common, baseline_m), _LEAST))
+                for common in compared.common
+                if _key(a, b, common) not in failed
+            ]
+    chances = {name: support_score(sighting.n_matches) for name, sighting in seen.items()}
+    graph = landmark_graph(names, claims, chances)
+    without = [k for k, (_, c) in enumerate(graph.legs) if _key(c.a, c.b, c.landmark) in failed]
+    chains = graph.planner.routes(
+        0, {names.index(name): chance for name, chance in chances.items()}, 1 + spares,
+        without_legs=without,
+    )  # fmt: skip
+    routes = tuple(_route(graph, chain, seen) for chain in chains)
+    return Plan(routes[0] if routes else None, routes[1:], graph, seen, unreadable)
 
 
 def _readable(index: LandmarkIndex, digest: bytes) -> bool:
@@ -135,28 +167,18 @@ def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
     return (a, b, round(float(np.degrees(bearing)) / 5))
 
 
-def _best_route(graph: nx.Graph, robot: str, seen: Mapping[str, Sighting]) -> Route | None:
-    def cost(a: str, b: str, edge: dict) -> float:
-        return float(-np.log(edge["worth"])) + _LEG_COST
-
-    distance, paths = nx.single_source_dijkstra(graph, robot, weight=cost)
-    ends = {
-        name: distance[name] - float(np.log(support_score(sighting.n_matches)))
-        for name, sighting in seen.items()
-        if name in distance
-    }
-    if not ends:
-        return None
-    last = min(ends, key=lambda name: (ends[name], len(paths[name]), name))
-    path = paths[last]
-    legs = tuple(_leg(graph, a, b) for a, b in pairwise(path))
-    return Route(legs, last, seen[last], float(np.exp(-ends[last])))
+def _route(graph: LandmarkGraph, chain: Chain, seen: Mapping[str, Sighting]) -> Route:
+    robots = [graph.robots[i] for i in chain.robots]
+    legs = tuple(
+        _leg(*pair, graph.legs[k][1], graph.name(landmark))
+        for pair, k, landmark in zip(pairwise(robots), chain.legs, chain.landmarks, strict=True)
+    )
+    return Route(legs, robots[-1], seen[robots[-1]], chain.score)
 
 
-def _leg(graph: nx.Graph, a: str, b: str) -> Leg:
-    edge = graph.edges[a, b]
-    landmark: CommonLandmark = edge["landmark"]
-    if edge["ends"] != (a, b):  # walked against the order of comparison
+def _leg(a: str, b: str, claim: Claim, node: str) -> Leg:
+    landmark, key = claim.landmark, _key(claim.a, claim.b, claim.landmark)
+    if (claim.a, claim.b) != (a, b):  # walked against the order of comparison
         ranges = landmark.ranges[::-1] if landmark.ranges else None
         landmark = CommonLandmark(
             landmark.score,
@@ -166,4 +188,4 @@ def _leg(graph: nx.Graph, a: str, b: str) -> Leg:
             landmark.support_a,
             ranges,
         )
-    return Leg(a, b, landmark, edge["key"])
+    return Leg(a, b, landmark, key, node)

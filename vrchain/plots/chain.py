@@ -4,7 +4,7 @@ Robots are triangles, landmarks ellipses; sight lines are thin, those of the cha
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 
 import numpy as np
 import shapely
@@ -16,6 +16,8 @@ from numpy.typing import NDArray
 
 from vrchain.experiments.sightings import Sightings
 from vrchain.geometry import Pose
+from vrchain.navigation.graph import LandmarkGraph
+from vrchain.navigation.route import Route
 from vrchain.plots.maps import ROBOT_COLOURS, draw_ground, draw_robot, zoom_to
 from vrchain.scene.model import Scene, SceneObject
 
@@ -139,6 +141,34 @@ def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]
         frameon=False, fontsize=9,
     )  # fmt: skip
     return figure
+
+
+def claimed(graph: LandmarkGraph, route: Route) -> tuple[list[str], Sightings, list[str]]:
+    """What ``team_graph`` draws of a plan: by the ledger's claims instead of by truth.
+
+    The route's robots, first to last; their landmarks, each with the score of its surest claim, and
+    the goal with the chance that it is the goal; and the chain.
+    """
+    robots = list(route.robots)
+    named = {
+        graph.name(i): f"{graph.name(i)}: {node.claims[0].score:.2f}"
+        for i, node in enumerate(graph.landmarks)
+    }
+    goal = f"score {graph.goal[route.seen_by]:.2f}"
+    visible = {
+        robot: tuple(
+            named[graph.name(i)] for i, node in enumerate(graph.landmarks) if robot in node.sights
+        )
+        for robot in robots
+    }
+    common = {
+        (a, b): shared
+        for a, b in combinations(robots, 2)
+        if (shared := tuple(n for n in visible[a] if n in visible[b]))
+    }
+    visible[route.seen_by] += (goal,)
+    chain = [name for leg in route.legs for name in (leg.seen_by, named[leg.node])]
+    return robots, Sightings(visible, common), [*chain, route.seen_by, goal]
 
 
 def _words(name: str) -> str:

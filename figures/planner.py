@@ -1,0 +1,21 @@
+"""Chains of landmarks when segments are lost: the planner beside two known ones."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
+from vrchain.experiments.results import Results
+from vrchain.plots.planning import planning_figure
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """Drives on random graphs, more of them for a larger profile."""
+    seed = results.profile.seed
+    worlds = {"smoke": 2, "paper": 40}.get(results.profile.name, 10)
+    table = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
+    return planning_figure(table), table
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)
