@@ -165,8 +165,12 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path) -> None:
         (("scene", "export", SUBURB, "-o", "scene.obj"), ".glb"),
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "render", "--positions", "0"), "1 position"),
+        (("bench", "ledger", "--positions", "0"), "1 position"),
         (("bench", "distinct", SUBURB, "--spacing", "-3"), "above 0 m"),
         (("bench", "distinct", SUBURB, "--layer", "first"), "middle"),
+        (("bench", "flood", "--rounds", "0"), "1 round"),
+        (("bench", "flood", "--kind", "rain"), "a flood of valid"),
+        (("bench", "codec", SUBURB, "--pairs", "0"), "1 pair"),
     ],
 )
 def test_wrong_use(arguments: tuple[object, ...], word: str, tmp_path: Path) -> None:

@@ -21,10 +21,13 @@ from vrchain.plots.scripts import FigureError, figure_names, run_scripts
 EXPECTED = [
     "barn_map",
     "common_landmarks",
+    "flood",
     "landmark_quality",
     "ledger",
+    "ledger_size",
     "mission",
     "panorama",
+    "planner",
     "retrieval_time",
     "scene_map",
     "table",
@@ -32,7 +35,14 @@ EXPECTED = [
     "update_stages",
     "update_time",
 ]
-QUICKLY_DRAWN = ["landmark_quality", "ledger", "retrieval_time", "table", "update_time"]
+QUICKLY_DRAWN = [
+    "landmark_quality",
+    "ledger",
+    "ledger_size",
+    "retrieval_time",
+    "table",
+    "update_time",
+]
 
 
 @pytest.fixture(scope="module")

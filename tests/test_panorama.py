@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.panorama import CameraRig, Panorama, encode_png, read_image, view_change
+from vrchain.panorama import CameraRig, Codec, Panorama, encode_png, read_image, view_change
 from vrchain.render import Renderer
 from vrchain.seeding import generator
 
@@ -114,6 +114,17 @@ def test_encoding_keeps_the_picture(rig: CameraRig) -> None:
     assert again.rig == rig
     assert np.abs(again.views.astype(int) - panorama.views).mean() < 2
     assert panorama.encode() == blob
+
+
+@pytest.mark.parametrize("codec", [Codec("png"), Codec("webp", 101)])
+def test_codecs_without_loss_keep_every_pixel(codec: Codec) -> None:
+    panorama = noise_panorama(TINY)
+    assert np.array_equal(Panorama.decode(panorama.encode(codec)).views, panorama.views)
+
+
+def test_an_unknown_codec_is_refused() -> None:
+    with pytest.raises(ImageError, match="jpeg, webp, png, got 'gif'"):
+        Codec("gif")
 
 
 def with_header(header: object) -> bytes:

@@ -11,6 +11,7 @@ from matplotlib.table import Table
 from matplotlib.text import Text
 from worlds import RED, SMALL_RIG, box, plain, world, yard
 
+from vrchain.experiments.bloat import COLUMNS, TEAM
 from vrchain.experiments.latency import PAPER, RETRIEVALS, STAGES, summary_table
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import CommonLandmark, Region
@@ -24,6 +25,7 @@ from vrchain.plots.latency import (
     update_time_figure,
 )
 from vrchain.plots.ledger import ledger_figure, ledger_table
+from vrchain.plots.ledger_size import ledger_size_figure
 from vrchain.plots.maps import scene_map
 from vrchain.plots.pictures import (
     claims_table,
@@ -125,6 +127,24 @@ def test_every_stage_of_an_update_has_its_bar() -> None:
     assert strays(figure) == []
     assert len(figure.axes[0].patches) == len(STAGES) * len(SIZES)
     assert any("µs" in text for text in words(figure))
+
+
+def test_sizes_that_were_computed_are_hollow() -> None:
+    rows = [
+        (layout, robots, positions, positions * 10**5, size * positions * robots, size == 10**6)
+        for layout, size in {"inline": 10**6, "one a block": 10**5}.items()
+        for robots in (2, TEAM)
+        for positions in (40, 200)
+    ]
+    for layout in ("several a block", "retention"):
+        rows.append((layout, TEAM, 200, 10**6, 2 * 10**6, False))
+    sizes = pd.DataFrame(rows, columns=COLUMNS)
+    figure = ledger_size_figure(sizes, "a note")
+    assert strays(figure) == []
+    for axes in figure.axes[:2]:
+        (hollow,) = [line for line in axes.lines if line.get_markerfacecolor() == "white"]
+        assert len(hollow.get_xdata()) == 2
+    assert {"10 GB", "2 GB"} & set(words(figure)) and "a note" in words(figure)
 
 
 def test_retrieval_stands_beside_both_readings_of_the_paper() -> None:

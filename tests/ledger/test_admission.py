@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 from ledgers import KEYS, OPERATOR_KEY, new_ledger
+from test_encoding import garbage
 
+from vrchain.errors import LedgerError
 from vrchain.ledger import Admission, Ledger, Limits, Transaction, errors, verify
 from vrchain.ledger.keys import PublicKey
 
@@ -166,6 +168,128 @@ def test_cheap_refusals_cost_no_signature(
         with pytest.raises(errors.LedgerError):
             admission.admit(record, b"payload")
     assert verified == []
+
+
+def test_what_is_in_or_waits_is_told_apart_and_costs_no_signature(
+    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    admission = door(ledger, clock)
+    sent = chain_of(ledger, clock, 4)
+    for transaction in sent[:2]:
+        admission.admit(transaction.record, b"payload")
+    ledger.append_many(admission.take(), "R2", KEYS["R2"])
+    for transaction in sent[2:]:
+        admission.admit(transaction.record, b"payload")
+    monkeypatch.setattr(PublicKey, "accepts", lambda *given: pytest.fail("verified"))
+    for transaction in sent:
+        with pytest.raises(errors.DuplicateError):
+            admission.admit(transaction.record, b"payload")
+
+
+def test_a_second_transaction_with_a_number_is_equivocation(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock)
+    (sent,) = chain_of(ledger, clock, 1)
+    admission.admit(sent.record, b"payload")
+    other = replace(sent, reason="time").signed(KEYS["R1"])
+    with pytest.raises(errors.EquivocationError) as raised:
+        admission.admit(other.record, b"payload")
+    assert (raised.value.first, raised.value.second) == (sent, other)
+
+
+def test_a_robots_bytes_are_limited_too(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock, burst_bytes=14, rate_bytes_per_s=7.0, burst=100)
+    sent = chain_of(ledger, clock, 4)
+    for transaction in sent[:2]:
+        admission.admit(transaction.record, b"payload")
+    with pytest.raises(errors.RateLimitError, match="7 bytes"):
+        admission.admit(sent[2].record, b"payload")
+    clock.now_ns += SECOND
+    admission.admit(sent[2].record, b"payload")
+
+
+def test_a_block_is_due_when_the_next_might_find_no_room(ledger: Ledger, clock: Clock) -> None:
+    for limits in ({"queue_bytes": 20, "blob_bytes": 10}, {"queue_length": 2}):
+        admission = door(ledger, clock, **limits)
+        sent = chain_of(ledger, clock, 2)
+        admission.admit(sent[0].record, b"payload")
+        assert not admission.due()
+        admission.admit(sent[1].record, b"payload")
+        assert admission.full()
+        assert admission.due()
+
+
+def test_what_follows_no_more_holds_up_nobody_else(ledger: Ledger, clock: Clock) -> None:
+    """R1 goes behind the door's back: only its own transactions are lost by that."""
+    admission = door(ledger, clock)
+    cheat, second = chain_of(ledger, clock, 2, "R1")
+    (honest,) = chain_of(ledger, clock, 1, "R2")
+    for transaction in (cheat, honest, second):
+        admission.admit(transaction.record, b"payload")
+    with Ledger.open(ledger.folder, writable=True) as other:
+        other.publish("R1", KEYS["R1"], b"another", "view", clock.now_ns)
+    made = admission.make_block("R2", KEYS["R2"])
+    assert made.appended == [honest]
+    assert [(t, type(error)) for t, error in made.refused] == [
+        (cheat, errors.EquivocationError),
+        (second, errors.BrokenLinkError),
+    ]
+    assert made.block == ledger.head
+    assert ledger.latest("R2") == honest
+    assert verify(ledger.folder).ok
+
+
+def test_who_is_expelled_while_it_waits_holds_up_nobody_else(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock)
+    first, second = chain_of(ledger, clock, 2, "R1")
+    (honest,) = chain_of(ledger, clock, 1, "R2")
+    for transaction in (first, honest):
+        admission.admit(transaction.record, b"payload")
+    ledger.expel("R1", OPERATOR_KEY, 1)
+    with pytest.raises(errors.ExpelledMemberError):
+        admission.admit(second.record, b"payload")
+    made = admission.make_block("R2", KEYS["R2"])
+    assert made.appended == [honest]
+    assert [type(error) for _, error in made.refused] == [errors.ExpelledMemberError]
+    assert admission.make_block("R2", KEYS["R2"]) == (None, [], [])
+
+
+def test_a_disk_that_fails_refuses_what_was_taken(
+    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    admission = door(ledger, clock)
+    (sent,) = chain_of(ledger, clock, 1)
+    admission.admit(sent.record, b"payload")
+    full = errors.StorageFullError("no room")
+
+    def fail(*given: object) -> None:
+        raise full
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Ledger, "append_many", fail)
+        assert admission.make_block("R2", KEYS["R2"]) == (None, [], [(sent, full)])
+    admission.admit(sent.record, b"payload")  # again
+    assert admission.make_block("R2", KEYS["R2"]).appended == [sent]
+
+
+def test_an_author_who_is_no_member_is_the_callers_fault(ledger: Ledger, clock: Clock) -> None:
+    admission = door(ledger, clock)
+    (sent,) = chain_of(ledger, clock, 1)
+    admission.admit(sent.record, b"payload")
+    with pytest.raises(errors.UnknownMemberError):
+        admission.make_block("R3", KEYS["R3"])
+
+
+@pytest.mark.parametrize("count", [500, pytest.param(100_000, marks=pytest.mark.slow)])
+def test_garbage_raises_only_the_ledgers_own_errors(
+    count: int, ledger: Ledger, clock: Clock
+) -> None:
+    admission = door(ledger, clock, burst=1 << 30, queue_length=1 << 30, record_bytes=1 << 20)
+    (good,) = chain_of(ledger, clock, 1)
+    for data in garbage(count, [good.record, ledger.genesis.record]):
+        if data != good.record:  # a change may change nothing
+            with pytest.raises(LedgerError):
+                admission.admit(data, b"payload")
+    assert admission.take() == []
 
 
 def test_an_expelled_robot_is_told_so(ledger: Ledger, clock: Clock) -> None:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 import pytest
-from ledgers import ROOT, new_ledger
+from ledgers import KEYS, ROOT, in_child, new_ledger
 
 from vrchain.ledger import Ledger, verify
 from vrchain.seeding import generator
@@ -44,19 +44,24 @@ def acknowledged(output: str) -> list[bytes]:
     return [bytes.fromhex(line) for line in output.split("\n")[:-1]]
 
 
+@pytest.mark.timeout(1800)
 @pytest.mark.parametrize("kills", [5, pytest.param(200, marks=pytest.mark.slow)])
-def test_a_killed_writer_loses_nothing_acknowledged(tmp_path: Path, kills: int) -> None:
+def test_a_killed_writer_loses_nothing_acknowledged(
+    tmp_path: Path, kills: int, capsys: pytest.CaptureFixture[str]
+) -> None:
     folder = tmp_path / "ledger"
     new_ledger(folder).close()
     source = generator(0, "kills", kills)
     known: list[bytes] = []
+    counts = {"acknowledged": 0, "durable, not yet acknowledged": 0, "orphans cleaned": 0}
     for _ in range(kills):
         process = writer(folder, "R1", count=10**9, size=50_000)
         assert process.stdout is not None
         first = process.stdout.readline()
         time.sleep(source.uniform(0, 0.1))
         process.send_signal(signal.SIGKILL)
-        known += acknowledged(first + process.communicate()[0])
+        said = acknowledged(first + process.communicate()[0])
+        known += said
         found = verify(folder)
         assert found.ok, found.reason
         with Ledger.open(folder) as ledger:
@@ -64,13 +69,53 @@ def test_a_killed_writer_loses_nothing_acknowledged(tmp_path: Path, kills: int) 
             named = {transaction.payload_digest.hex() for transaction in ledger.history("R1")}
         orphans = [p for p in (folder / "blobs").iterdir() if p.name not in named]
         assert len(orphans) <= 1
+        assert all((folder / "blobs" / name).is_file() for name in named)
         with Ledger.open(folder, writable=True) as ledger:
             assert ledger.clean() == len(orphans)
         # At most the one that was being acknowledged is there beside the known ones.
         assert set(known) <= set(stored)
         assert len(stored) - len(known) <= 1
+        counts["acknowledged"] += len(said)
+        counts["durable, not yet acknowledged"] += len(stored) - len(known)
+        counts["orphans cleaned"] += len(orphans)
         known = stored
     assert len(known) > 2 * kills
+    with capsys.disabled():
+        print(f"\nkilled {kills} times: {counts}")
+
+
+KILLED_AT = """
+import os, signal, sys
+from ledgers import KEYS
+from vrchain.ledger import Ledger, durable, store
+
+def die(*given):
+    os.kill(os.getpid(), signal.SIGKILL)
+
+place = {"the blob's rename": (durable.os, "replace"), "the record": (store, "insert_entry")}
+setattr(*place[sys.argv[2]], die)
+with Ledger.open(sys.argv[1], writable=True) as ledger:
+    ledger.publish("R1", KEYS["R1"], b"second", "time", 2)
+"""
+
+
+@pytest.mark.parametrize("moment", ["the blob's rename", "the record"])
+def test_killed_before_the_record_leaves_one_orphan_that_is_cleaned(
+    tmp_path: Path, moment: str
+) -> None:
+    folder = tmp_path / "ledger"
+    with new_ledger(folder) as ledger:
+        first = ledger.publish("R1", KEYS["R1"], b"first", "start", 1)
+    died = in_child(KILLED_AT, str(folder), moment)
+    assert died.returncode == -signal.SIGKILL, died.stderr
+    (orphan,) = {p.name for p in (folder / "blobs").iterdir()} - {first.payload_digest.hex()}
+    assert orphan.endswith(".tmp") == (moment == "the blob's rename")
+    assert verify(folder).blocks == 2
+    with Ledger.open(folder, writable=True) as ledger:
+        assert ledger.history("R1") == [first]
+        assert ledger.clean() == 1
+        assert ledger.publish("R1", KEYS["R1"], b"second", "time", 2).sequence == 1
+    assert verify(folder).blocks == 3
 
 
 def test_two_writers_take_turns(tmp_path: Path) -> None:

@@ -1,6 +1,7 @@
 """``vrchain ledger``: readable text or one JSON object; one line and status 1 on errors."""
 
 import json
+import os
 import stat
 from pathlib import Path
 from typing import Any
@@ -109,6 +110,21 @@ def test_verify_names_the_block_and_fails() -> None:
     found = json.loads(result.stdout)
     assert (found["ok"], found["blocks"], found["first_bad_block"]) == (False, 1, 1)
     assert "payload" in found["reason"]
+
+
+@pytest.mark.parametrize("forbidden", [{"L": os.W_OK}, {"ledger.sqlite": os.R_OK}])
+def test_what_may_not_be_read_is_told_apart_from_damage(
+    monkeypatch: pytest.MonkeyPatch, forbidden: dict[str, int]
+) -> None:
+    """Permissions as another user would meet them: the tests may run as root."""
+    text("init", "L", "--member", "R1")
+    text("clean", "L")  # a writer takes SQLite's working files along
+    monkeypatch.setattr(
+        os, "access", lambda path, mode: not forbidden.get(Path(path).name, 0) & mode
+    )
+    for command in ("show", "verify", "clean"):
+        with pytest.raises(errors.AccessError, match="expected"):
+            text(command, "L")
 
 
 def test_expel_drop_and_clean() -> None:

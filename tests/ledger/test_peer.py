@@ -11,9 +11,11 @@ import pytest
 from ledgers import KEYS, OPERATOR_KEY, new_chain, new_ledger, next_entry
 
 from vrchain.ledger import Chain, Ledger, errors
+from vrchain.ledger import peer as peer_module
 from vrchain.ledger.block import Entry, records_root
-from vrchain.ledger.peer import MAX_FRAMES, MAX_MESSAGE_BYTES, PeerProcess, _receive, _send, accept
+from vrchain.ledger.peer import MAX_FRAMES, MAX_MESSAGE_BYTES, PeerProcess, accept
 from vrchain.ledger.table import Table
+from vrchain.ledger.wire import receive, send
 
 
 @pytest.fixture(scope="module")
@@ -64,23 +66,47 @@ def test_the_peer_refuses_and_says_why(pair: tuple[Ledger, PeerProcess]) -> None
 def test_bytes_that_are_no_block_are_refused(pair: tuple[Ledger, PeerProcess]) -> None:
     _, peer = pair
     for frames in ([], [b""], [b"garbage", b"more"], [b"garbage", b"more", b""]):
-        _send(peer._socket, frames)
-        answer = _receive(peer._socket)
+        send(peer._socket, frames)
+        answer = receive(peer._socket, 1, 1 << 16)
         assert answer is not None
         assert answer[0].startswith(b"!EncodingError")
 
 
-@pytest.mark.parametrize(
-    "flood", [(MAX_FRAMES + 1,), (1, MAX_MESSAGE_BYTES + 1)], ids=["frames", "bytes"]
-)
-def test_a_flood_ends_the_peer_and_the_sender_is_told(flood: tuple[int, ...]) -> None:
+def test_too_many_frames_end_the_peer_and_the_sender_is_told() -> None:
     chain = new_chain()
     first = Entry(chain.head, (chain.genesis,))
     with PeerProcess(first) as peer:
-        peer._socket.sendall(b"".join(number.to_bytes(4, "big") for number in flood))
+        peer._socket.sendall((MAX_FRAMES + 1).to_bytes(4, "big"))
         peer._process.wait(timeout=20)
         with pytest.raises(errors.PeerError, match="peer process"):
             peer.send(*next_entry(chain), b"")
+
+
+def test_a_message_that_is_too_large_is_passed_over(pair: tuple[Ledger, PeerProcess]) -> None:
+    ledger, peer = pair
+    part = bytes(1 << 20)
+    count = MAX_MESSAGE_BYTES // len(part) + 1
+    peer._socket.sendall(b"\0\0\0\1" + (count * len(part)).to_bytes(4, "big"))
+    for _ in range(count):
+        peer._socket.sendall(part)
+    answer = receive(peer._socket, 1, 1 << 16)
+    assert answer is not None
+    assert answer[0].startswith(b"!TooLargeError")
+    transaction = ledger.publish("R1", KEYS["R1"], b"after", "view", 100)
+    assert peer.send(ledger.head, (transaction,), b"after") == ledger.head.hash
+
+
+def test_blobs_are_not_hashed_for_a_block_that_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    chain = new_chain()
+    replica = Chain(Entry(chain.head, (chain.genesis,)))
+    entry = next_entry(chain)
+    monkeypatch.setattr(peer_module, "digest", lambda blob: pytest.fail("hashed"))
+    forged = replace(entry.block, signature=bytes(64))
+    with pytest.raises(errors.SignatureError):
+        accept(replica, [forged.record, entry.records[0].record, b"", bytes(1000)])
+    with pytest.raises(errors.PayloadDigestError, match="expected 1 blobs"):
+        accept(replica, [entry.block.record, entry.records[0].record, b""])
+    assert replica.head == chain.head
 
 
 def test_a_peer_that_dies_is_an_error_and_not_a_hang() -> None:
@@ -100,7 +126,7 @@ def test_leaving_ends_the_child(tmp_path: Path) -> None:
         assert peer._process.poll() is None
     assert peer._process.returncode == 0
     with pytest.raises(errors.PeerRefusedError, match="PayloadDigestError"):
-        PeerProcess(next_entry(chain))
+        PeerProcess(next_entry(chain))  # without its blob, and no first block either
 
 
 def test_a_refused_message_leaves_the_replica_as_before() -> None:

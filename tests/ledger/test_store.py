@@ -138,6 +138,24 @@ def test_what_is_refused_leaves_no_trace(
     assert files(tmp_path / "ledger") == before
 
 
+@pytest.mark.parametrize("step", ["durable.sync_folder", "store.insert_entry"])
+def test_ctrl_c_before_the_record_leaves_no_trace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, step: str
+) -> None:
+    def interrupt(*given: object) -> None:
+        raise KeyboardInterrupt
+
+    small_ledger(tmp_path / "ledger")
+    before = files(tmp_path / "ledger")
+    with Ledger.open(tmp_path / "ledger", writable=True) as ledger:
+        with monkeypatch.context() as patch:
+            patch.setattr(f"vrchain.ledger.{step}", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                ledger.publish("R1", KEYS["R1"], b"x", "time", 60)
+        assert files(tmp_path / "ledger") == before
+        assert ledger.publish("R1", KEYS["R1"], b"x", "time", 60).sequence == 2
+
+
 def test_a_transaction_signed_elsewhere_is_appended(tmp_path: Path) -> None:
     """R2 signs, R1 makes the block; a payload that is not R2's is refused."""
     with new_ledger(tmp_path / "ledger") as ledger:

@@ -170,7 +170,7 @@ COPY = "INSERT INTO records SELECT 6, 0, zeroblob(32), NULL, record FROM records
         ("DELETE FROM records", 0),
         ("INSERT INTO blocks SELECT 6, hash, record FROM blocks WHERE height = 5", 6),
         (COPY.replace("6, 0", "3, 1"), 3),
-        (COPY, None),
+        (COPY, 6),
         ("INSERT INTO blocks SELECT -1, hash, record FROM blocks WHERE height = 5", None),
         ("UPDATE blocks SET record = 'text' WHERE height = 3", 3),
         ("UPDATE blocks SET record = 7 WHERE height = 3", 3),
@@ -189,6 +189,31 @@ def test_rows_swapped_dropped_doubled_or_spoilt(folder: Path, sql: str, height: 
     assert not found.ok
     assert found.first_bad_block == height
     assert found.reason
+
+
+LAST = "height = (SELECT max(height) FROM blocks)"
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        f"UPDATE records SET position = 9 WHERE position = 0 AND {LAST};"
+        f"UPDATE records SET position = 0 WHERE position = 1 AND {LAST};"
+        f"UPDATE records SET position = 1 WHERE position = 9 AND {LAST};",
+        f"DELETE FROM records WHERE position = 0 AND {LAST}",
+        f"DELETE FROM records WHERE position = 1 AND {LAST}",
+        "INSERT INTO records SELECT height, 2, randomblob(32), robot, record FROM records "
+        f"WHERE position = 1 AND {LAST}",
+    ],
+    ids=["swapped", "first dropped", "last dropped", "doubled"],
+)
+def test_records_of_one_block_swapped_dropped_or_doubled(tmp_path: Path, sql: str) -> None:
+    long_ledger(tmp_path / "ledger")
+    with Ledger.open(tmp_path / "ledger") as ledger:
+        assert len(ledger.entry(ledger.head.height).records) == 2
+        height = ledger.head.height
+    run(tmp_path / "ledger", sql)
+    assert verify(tmp_path / "ledger").first_bad_block == height
 
 
 def test_a_tail_cut_off_is_found_under_a_known_head(folder: Path) -> None:
@@ -222,6 +247,21 @@ def test_records_signed_again_by_another_member(folder: Path) -> None:
         found = verify(copy)
         assert (found.ok, found.first_bad_block) == (False, HEIGHT_OF_LAST), forge
         assert "valid signature" in found.reason
+        with pytest.raises(errors.DamagedError, match="valid signature"):
+            Ledger.open(copy)  # who goes on from it notices too
+
+
+def test_a_history_that_is_not_linked_is_noticed_when_it_is_read(folder: Path) -> None:
+    """R1 signs its first transaction anew, long after, in the place of the one it published."""
+    with closing(database(folder)) as db:
+        transaction = read_entry(db, 1).records[0]
+        assert isinstance(transaction, Transaction)
+        other = replace(transaction, timestamp_ns=9, signature=b"").signed(KEYS["R1"])
+        update = "UPDATE records SET id = ?, record = ? WHERE height = 1"
+        db.execute(update, (other.id, other.record))
+    with Ledger.open(folder) as ledger, pytest.raises(errors.DamagedError, match="not whole"):
+        ledger.history("R1")
+    assert verify(folder).first_bad_block == 1
 
 
 def test_a_rewritten_history_is_found_under_a_known_head(tmp_path: Path) -> None:
@@ -291,7 +331,10 @@ def test_every_byte_of_the_folder(
         assert good.count(record) == 1
         start = good.index(record)
         height_of |= dict.fromkeys(range(start, start + len(record)), height)
-    counts = {"found": 0, "export unchanged": 0}
+    named, unchanged = "fails and names the block", "export byte-identical"
+    counts = {
+        kind: {named: 0, unchanged: 0} for kind in ("canonical records", "other bytes", "blobs")
+    }
     for position in range(0, len(good), step):
         for leftover in folder.glob(f"{DATABASE_NAME}-*"):
             leftover.unlink()
@@ -302,9 +345,10 @@ def test_every_byte_of_the_folder(
         if position in height_of:
             assert not found.ok
             assert found.first_bad_block == height_of[position]
-        if found.ok:
+        if found.first_bad_block is None:  # good blocks, whether the rest is good or not
             assert exported(folder) == before
-        counts["export unchanged" if found.ok else "found"] += 1
+        kind = "canonical records" if position in height_of else "other bytes"
+        counts[kind][unchanged if found.first_bad_block is None else named] += 1
     path.write_bytes(good)
     for blob in sorted((folder / "blobs").iterdir()):
         content = blob.read_bytes()
@@ -315,10 +359,13 @@ def test_every_byte_of_the_folder(
             found = verify(folder)
             assert not found.ok
             assert found.first_bad_block is not None
-            counts["found"] += 1
+            counts["blobs"][named] += 1
         blob.write_bytes(content)
     assert verify(folder).ok
-    assert counts["found"] > 100
+    assert counts["canonical records"][unchanged] == counts["blobs"][unchanged] == 0
+    assert counts["canonical records"][named] == len(
+        [position for position in range(0, len(good), step) if position in height_of]
+    )
     with capsys.disabled():
         print(f"\nbytes changed, every {step}: {counts}")
 

@@ -6,11 +6,11 @@ from typing import Annotated, Literal
 
 import typer
 
-from vrchain.paths import SCENES
+from vrchain.paths import BUILD, SCENES
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed and distinctiveness.")
 
-Spec = Annotated[Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/.")]
+Spec = Annotated[Path, typer.Argument(metavar="[SPEC]", help="A scene file or Gazebo world.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 Seed = Annotated[int, typer.Option(help="Of the poses that are drawn.")]
 
@@ -66,3 +66,118 @@ def distinct(
         print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
         return
     print(table.round(3).to_string(index=False, na_rep="-"))
+
+
+@app.command()
+def codec(
+    spec: Spec = SCENES / "suburb.yaml",
+    pairs: Annotated[int, typer.Option(help="Pairs of poses, ten a suburb.")] = 24,
+    seed: Annotated[int, typer.Option(help="Of the first suburb and its poses.")] = 1000,
+    as_json: Json = False,
+) -> None:
+    """Compare image codecs for panoramas: bytes against the common landmarks that SIFT still finds.
+
+    kept, support_kept: right claims and their matched keypoints, over those of PNG, with 95 %
+    intervals.
+    """
+    from vrchain.experiments import codec as experiment
+
+    table = experiment.summarise(experiment.codec_pairs(spec, pairs, seed=seed), seed=seed)
+    if as_json:
+        print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
+        return
+    print(table.round(3).to_string(index=False, na_rep="-"))
+
+
+@app.command()
+def planner(
+    tasks: Annotated[int, typer.Option(help="Chains to plan in worlds of each size.")] = 200,
+    worlds: Annotated[int, typer.Option(help="Random worlds in which segments are lost.")] = 20,
+    seed: Annotated[int, typer.Option(help="Of worlds, tasks and what is lost.")] = 3000,
+    as_json: Json = False,
+) -> None:
+    """Time the planner beside breadth-first search and shortened chains, and drive what they plan.
+
+    Times are in microseconds; landmarks: of a chain, the goal among them. Then, with 40 robots and
+    400 landmarks, the share that arrives within so many drives when segments are lost with
+    probability p, its 95 % interval, and the published share after one drive: under the published
+    rule (drive) and where what is lost stays lost (standing). Both rules: experiments.planning.
+    """
+    from vrchain.experiments.bench_planner import bench_planner
+    from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
+
+    table = bench_planner(tasks, seed=seed)
+    blocked = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
+    if as_json:
+        tables = {"rows": table, "blocked": blocked}
+        print(json.dumps({k: json.loads(t.to_json(orient="records")) for k, t in tables.items()}))
+        return
+    print(table.round(2).to_string(index=False, na_rep="-"))
+    index = ["rule", "p", "method", "published"]
+    published = blocked.groupby(index[:3]).published.transform("max")
+    wide = blocked.assign(published=published.astype(object).fillna("-"))
+    print()
+    print("share that arrives, by drives")
+    print(wide.pivot_table("arrives", index, "drives", sort=False).round(3).to_string())
+
+
+@app.command()
+def flood(
+    rounds: Annotated[int, typer.Option(help="Phases of each flood, and quiet ones.")] = 10,
+    robots: Annotated[int, typer.Option(help="Honest ones that work meanwhile.")] = 8,
+    phase: Annotated[float, typer.Option(metavar="S", help="Seconds of a phase.")] = 3.0,
+    kind: Annotated[
+        list[str] | None, typer.Option(metavar="FLOOD", help="All, unless given; one for each.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of when the robots publish, and what.")] = 3000,
+    as_json: Json = False,
+) -> None:
+    """Flood a robot that takes in transactions, while others work; their latency, quiet beside.
+
+    Times are in microseconds, until a transaction is known to be durable; p99: of a phase, median
+    over rounds; ratio: of that to the quiet one, with its 95 % interval; bar: what it should not
+    exceed; refused: of the honest robots' transactions. Below: what became of the flood.
+    """
+    from vrchain.experiments import flood as experiment
+
+    config = experiment.FloodConfig(robots=robots, phase_s=phase, rounds=rounds, seed=seed)
+    measured = experiment.flood(config, kind or experiment.CONDITIONS)
+    table, floods = experiment.summarise(measured, seed=seed), experiment.outcomes(measured)
+    if as_json:
+        tables = {"rows": table, "floods": floods}
+        print(json.dumps({n: json.loads(t.to_json(orient="records")) for n, t in tables.items()}))
+        return
+    print(table.round(2).to_string(index=False, na_rep="-"))
+    print()
+    print(floods.round(2).set_index("name").T.to_string())
+
+
+@app.command()
+def ledger(
+    positions: Annotated[
+        list[int] | None,
+        typer.Option(metavar="N", help="In a ledger; give one for each [40 200 500 10000 100000]."),
+    ] = None,
+    folder: Annotated[
+        Path, typer.Option(help="On the disk to measure; a new folder in it, for a while.")
+    ] = BUILD,
+    rounds: Annotated[int, typer.Option(min=3, help="Updates that are timed on top.")] = 100,
+    seed: Annotated[int, typer.Option(help="Of payloads, keys and the order of turns.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Time updates, retrieval and verification beside what hashing, signing and the disk allow.
+
+    reference: the limits of the same thing, measured in turns with it; ratio: the median over that;
+    bar: what the ratio should not exceed. A position is one panorama of one of 10 robots; payloads
+    have 200 KB up to 500 positions (a block each), 1 KB above (ten a block).
+    """
+    from vrchain.experiments import bench_ledger as experiment
+
+    bench = experiment.bench_ledger(
+        positions or experiment.POSITIONS, folder, seed=seed, rounds=rounds
+    )
+    if as_json:
+        tables = {"rows": bench.rows, "sizes": bench.sizes}
+        print(json.dumps({k: json.loads(t.to_json(orient="records")) for k, t in tables.items()}))
+        return
+    print(experiment.as_text(bench))

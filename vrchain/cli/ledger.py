@@ -35,7 +35,6 @@ from vrchain.ledger.errors import (
 )
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.membership import OPERATOR, check_member_name
-from vrchain.panorama import Panorama, encode_png
 
 _NEWEST = "transaction {sequence}, {reason}, {timestamp_ns} ns, {id}"
 
@@ -208,7 +207,7 @@ def verify(
     if not found.ok:
         bad = found.first_bad_block
         place = f"block {bad}" if bad is not None else "beside its blocks"
-        raise DamagedError(f"{ledger} is not what was written, {place}: {found.reason}")
+        raise DamagedError(f"the verification of {ledger} fails, {place}: {found.reason}")
 
 
 @app.command()
@@ -275,6 +274,8 @@ def export(
 
 def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
     """Each panorama's cylinder as ROBOT_NUMBER_REASON.png: how many, and how many could not be."""
+    from vrchain.panorama import Panorama, encode_png
+
     counts = {"written": 0, "others": 0, "dropped": 0}
     with output_folder(folder, "pictures.json") as scratch:
         rows = []

@@ -9,7 +9,7 @@ import typer
 
 from vrchain.files import check_output_folder, output_folder, write_file
 
-Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file, as in scenes/.")]
+Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write.")]
 

@@ -16,6 +16,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.stopwatch import Stopwatch, sample_us
 from vrchain.ledger import Ledger, SigningKey, Transaction, simulated_key
 from vrchain.ledger.membership import OPERATOR
 from vrchain.ledger.peer import PeerProcess
@@ -90,7 +91,7 @@ def update_latency(
     slightly. Raises LedgerError kinds.
     """
     rows = []
-    stopwatch = _Stopwatch()
+    stopwatch = Stopwatch()
     with (
         _new_ledger(folder, robots, seed) as (ledger, keys),
         PeerProcess(ledger.entry(0)) as peer,
@@ -149,7 +150,7 @@ def retrieval_latency(
             call = _landmark(ledger, robot, other, common_landmark)
             ways["common_landmark"] = (call, 1, n_landmark_repeats)
         for way, (call, calls, samples) in ways.items():
-            times_us = _sample_us(call, calls, samples)
+            times_us = sample_us(call, calls, samples)
             rows.append(
                 {
                     "way": way,
@@ -186,8 +187,8 @@ def throughput(
             ledger.publish(robot, keys[robot], payload, "distance", number * STEP_NS)
         updates_s = (perf_counter_ns() - start_ns) / 1e9
         history = ledger.history(robots[0])
-        newest_us = _sample_us(_newest(ledger, robots[0]), n_retrievals, 1)[0]
-        panorama_us = _sample_us(_panoramas(ledger, history), n_retrievals, 1)[0]
+        newest_us = sample_us(_newest(ledger, robots[0]), n_retrievals, 1)[0]
+        panorama_us = sample_us(_panoramas(ledger, history), n_retrievals, 1)[0]
     row = {
         "n_updates": len(turns),
         "payload_bytes": float(np.mean([len(payload) for payload in payloads])),
@@ -231,25 +232,6 @@ def summary_table(
     return table.astype({"positions": "Int64"})
 
 
-class _Stopwatch:
-    """Adds up the time between laps under the names of the stages."""
-
-    def __init__(self) -> None:
-        self.restart()
-
-    def restart(self) -> None:
-        self._ns: dict[str, int] = {}
-        self._last_ns = perf_counter_ns()
-
-    def lap(self, stage: str) -> None:
-        now_ns = perf_counter_ns()
-        self._ns[stage] = self._ns.get(stage, 0) + now_ns - self._last_ns
-        self._last_ns = perf_counter_ns()
-
-    def us(self, stage: str) -> float:
-        return self._ns[stage] / 1e3
-
-
 @contextlib.contextmanager
 def _new_ledger(
     folder: str | Path, robots: Sequence[str], seed: int
@@ -279,15 +261,3 @@ def _landmark(
         return ledger.payload(transaction.payload_digest)
 
     return lambda: common_landmark(newest_payload(robot), newest_payload(other))
-
-
-def _sample_us(call: Callable[[], object], calls: int, samples: int) -> list[float]:
-    """Microseconds of one call, from ``samples`` runs of ``calls``, after one call to warm up."""
-    call()
-    times_us = []
-    for _ in range(samples):
-        start_ns = perf_counter_ns()
-        for _ in itertools.repeat(None, calls):
-            call()
-        times_us.append((perf_counter_ns() - start_ns) / 1e3 / calls)
-    return times_us

@@ -4,6 +4,7 @@ Here ground truth draws up the task; the robots that carry it out never see it.
 """
 
 import json
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import astuple, dataclass
 from itertools import islice, pairwise
@@ -34,7 +35,7 @@ _BATCH = 20_000  # chains of places tried at once
 _BATCHES = 8
 _CHOICES = 4  # tasks among which the one that needs the chain most is taken
 _GOAL_DRAWS = 160
-_GOAL_KIND = "house"  # drawn from, if no goal is named
+_GOAL_KINDS = (("house",), ("shop", "building", "barn"))  # drawn from, if no goal is named
 _GOAL_FROM_LAST_M = (5.0, 15.0)  # from the goal's side
 _LEAST_SEEN = 0.2  # share of the goal's surface that the last robot sees
 _SURFACE_POINTS = 60
@@ -413,10 +414,7 @@ def _starts(scene: Scene, places: Sequence[Pose], draws: np.random.Generator) ->
 
 def _goal_ids(scene: Scene, goal: str | None) -> list[int]:
     if goal is None:
-        drawn = [i for i, o in enumerate(scene.objects) if o.landmark and o.kind == _GOAL_KIND]
-        if not drawn:
-            raise MissionError(f"the scene has no {_GOAL_KIND} to draw as a goal: name a --goal")
-        return drawn
+        return _drawn_from(scene)
     try:
         target = scene.index_of(goal)
     except KeyError:
@@ -428,3 +426,17 @@ def _goal_ids(scene: Scene, goal: str | None) -> list[int]:
             f"{goal!r} is no landmark and cannot be a goal: choose a standing object"
         )
     return [target]
+
+
+def _drawn_from(scene: Scene) -> list[int]:
+    """Goals without a name: houses without a twin, or else other buildings without one."""
+    placings = Counter(o.model for o in scene.objects)
+    for kinds in _GOAL_KINDS:
+        drawn = [
+            i
+            for i, o in enumerate(scene.objects)
+            if o.landmark and o.kind in kinds and placings[o.model] == 1
+        ]
+        if drawn:
+            return drawn
+    raise MissionError("the scene has no building without a twin to draw as a goal: name a --goal")

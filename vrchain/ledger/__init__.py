@@ -7,7 +7,7 @@
 A payload is bytes and their SHA-256; docs/ledger-format.md says how everything is stored.
 """
 
-from vrchain.ledger.admission import Admission, Limits
+from vrchain.ledger.admission import Admission
 from vrchain.ledger.block import Block, Entry
 from vrchain.ledger.chain import Chain
 from vrchain.ledger.keys import (
@@ -18,6 +18,7 @@ from vrchain.ledger.keys import (
     save_key,
     simulated_key,
 )
+from vrchain.ledger.limits import Limits
 from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
 from vrchain.ledger.proof import Proof, verify_proof
 from vrchain.ledger.store import Ledger

@@ -4,44 +4,46 @@ A robot that makes blocks for others holds the door: strangers hand it bytes, as
 like. What costs least is checked first, and a robot's rate is charged only after its signature
 holds, so that nobody can use up another's. What comes through waits, bounded, for its block.
 None of this is validity: replicas with other limits and clocks agree on the chain all the same.
+``gate`` brings what comes over sockets here, and sees to it that no sender crowds out others.
 """
 
+import contextlib
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
+from vrchain.errors import LedgerError
+from vrchain.ledger.block import Block
 from vrchain.ledger.errors import (
     ClockSkewError,
+    DuplicateError,
     InputLimitError,
+    InvalidError,
+    NotFoundError,
     QueueFullError,
     RateLimitError,
+    StorageError,
     WrongLedgerError,
 )
+from vrchain.ledger.keys import SigningKey
+from vrchain.ledger.limits import Bucket, Limits
 from vrchain.ledger.store import Ledger
 from vrchain.ledger.transaction import Offer, Transaction
 from vrchain.ledger.validity import check_transaction
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What is taken in. A robot publishes every few seconds, 200 kB each."""
+class Made(NamedTuple):
+    """What became of the transactions that waited. ``block`` is None when none was appended."""
 
-    record_bytes: int = 2048  # of a transaction that nobody has verified yet
-    blob_bytes: int = 1 << 22  # of its panorama and landmark record together
-    skew_ns: int = 60_000_000_000  # between a timestamp and the present time, either way
-    rate_per_s: float = 1.0  # transactions of one robot, in the long run
-    burst: int = 10  # transactions of one robot, at once
-    queue_length: int = 256  # transactions that wait
-    queue_bytes: int = 1 << 26  # their blobs
-    block_length: int = 64  # transactions in one block
-    block_delay_ns: int = 200_000_000  # how long the first one waits for others
+    block: Block | None
+    appended: list[Transaction]
+    refused: list[tuple[Transaction, LedgerError]]
 
 
 class Admission:
     """The door of one ledger. ``clock`` gives the present time, integer nanoseconds.
 
-    Call ``admit`` for each transaction that comes, and whenever ``due``,
-    ``ledger.append_many(admission.take(), author, key)``.
+    Call ``admit`` for each transaction that comes, and ``make_block`` whenever ``due``.
     """
 
     def __init__(
@@ -50,15 +52,17 @@ class Admission:
         self._ledger, self._clock, self.limits = ledger, clock, limits or Limits()
         self._queue: deque[tuple[int, Offer]] = deque()  # (when it came, what)
         self._queued_bytes = 0
-        self._buckets: dict[str, _Bucket] = {}  # members only: there are no more than members
+        self._last: dict[str, Transaction] = {}  # of each robot, the last that waits
+        self._buckets: dict[str, _Rate] = {}  # members only: there are no more than members
 
     def admit(self, record: bytes, payload: bytes, landmarks: bytes | None = None) -> Transaction:
         """Let a transaction's canonical bytes and its blobs in, to wait for their block.
 
         Raises, in this order: InputLimitError, QueueFullError; EncodingError, RecordError;
-        WrongLedgerError, UnknownMemberError; ClockSkewError, RateLimitError; the InvalidError
-        kinds of a transaction that does not follow the robot's last one, waiting ones included;
-        PayloadDigestError. Whatever is refused leaves nothing behind and charges nobody.
+        WrongLedgerError, UnknownMemberError; DuplicateError, ClockSkewError, RateLimitError; the
+        InvalidError kinds of a transaction that does not follow the robot's last one, waiting
+        ones included, its signature last; PayloadDigestError. Whatever is refused leaves nothing
+        behind and charges nobody.
         """
         size = len(payload) + len(landmarks or b"")
         self._check_size(len(record), size)
@@ -66,40 +70,99 @@ class Admission:
         robot, members = transaction.robot, self._ledger.members
         if transaction.ledger_id != self._ledger.genesis.id:
             raise WrongLedgerError(f"{transaction} is for the ledger {transaction.ledger_id.hex()}")
-        last = self._ledger.latest(robot)
+        last = self._ledger.latest(robot)  # a waiting one's robot may be a member no more
+        last = self._last.get(robot, last)
+        if last and transaction.sequence <= last.sequence and self._knows(transaction.id):
+            raise DuplicateError(f"{transaction} is in, or waits for its block; nothing to do")
         now_ns = self._clock()
         self._check_clock(transaction, now_ns)
-        bucket = self._buckets.setdefault(robot, _Bucket(self.limits.burst, now_ns))
-        bucket.refill(self.limits, now_ns)
-        if bucket.tokens < 1:
-            raise RateLimitError(
-                f"expected at most {self.limits.rate_per_s:g} transactions a second of {robot} "
-                f"({self.limits.burst} at once), got more; wait"
-            )
-        waiting = [offer.transaction for _, offer in self._queue]
-        last = next((t for t in reversed(waiting) if t.robot == robot), last)
+        rate = self._buckets.setdefault(robot, _Rate(self.limits, now_ns))
+        rate.check(robot, now_ns)
         check_transaction(transaction, members[robot], last)
         offer = Offer(transaction, payload, landmarks)
-        bucket.tokens -= 1
+        rate.charge(size)
         self._queue.append((now_ns, offer))
         self._queued_bytes += size
+        self._last[robot] = transaction
         return transaction
 
     def due(self) -> bool:
         """Whether a block should be made now: enough wait, or one has waited long enough."""
-        if not self._queue:
-            return False
-        waited_ns = self._clock() - self._queue[0][0]
-        return len(self._queue) >= self.limits.block_length or (
-            waited_ns >= self.limits.block_delay_ns
+        enough = len(self._queue) >= self.limits.block_length
+        return enough or self.full() or self.due_in_s() == 0
+
+    def full(self) -> bool:
+        """Whether there might be no room for the next one."""
+        limits = self.limits
+        return bool(self._queue) and (
+            len(self._queue) >= limits.queue_length
+            or self._queued_bytes + limits.blob_bytes > limits.queue_bytes
         )
+
+    def due_in_s(self) -> float | None:
+        """How long until the first one has waited long enough; None while none waits."""
+        if not self._queue:
+            return None
+        waited_ns = self._clock() - self._queue[0][0]
+        return max(0, self.limits.block_delay_ns - waited_ns) / 1e9
 
     def take(self) -> list[Offer]:
         """The next block's transactions, in the order in which they came; they wait no more."""
         count = min(len(self._queue), self.limits.block_length)
         taken = [self._queue.popleft()[1] for _ in range(count)]
         self._queued_bytes -= sum(len(o.payload) + len(o.landmarks or b"") for o in taken)
+        self._last = {offer.transaction.robot: offer.transaction for _, offer in self._queue}
         return taken
+
+    def make_block(self, author: str, key: SigningKey) -> Made:
+        """Append what waits, as much as one block takes; durable then.
+
+        What follows no more, since others wrote to the ledger or its robot was expelled, is
+        refused by itself and holds up nobody else. When the disk fails, everything taken is
+        refused. Raises the InvalidError kinds that are the author's own fault.
+        """
+        offers, refused = self.take(), list[tuple[Transaction, LedgerError]]()
+        while offers:
+            try:
+                block = self._ledger.append_many(offers, author, key)
+            except InvalidError:
+                offers, wrong = self._sort_out(offers)
+                if not wrong:
+                    raise
+                refused += wrong
+            except StorageError as error:
+                refused += [(offer.transaction, error) for offer in offers]
+                break
+            else:
+                return Made(block, [offer.transaction for offer in offers], refused)
+        return Made(None, [], refused)
+
+    def _knows(self, transaction_id: bytes) -> bool:
+        if any(offer.transaction.id == transaction_id for _, offer in self._queue):
+            return True
+        with contextlib.suppress(NotFoundError):
+            self._ledger.transaction(transaction_id)
+            return True
+        return False
+
+    def _sort_out(
+        self, offers: list[Offer]
+    ) -> tuple[list[Offer], list[tuple[Transaction, LedgerError]]]:
+        """Those that follow what the ledger holds now, and the others with what is wrong."""
+        good, wrong = list[Offer](), list[tuple[Transaction, LedgerError]]()
+        newest: dict[str, Transaction] = {}
+        for offer in offers:
+            transaction = offer.transaction
+            robot = transaction.robot
+            try:
+                last = newest.get(robot) or self._ledger.latest(robot)
+                check_transaction(transaction, self._ledger.members[robot], last)
+            except InvalidError as error:
+                wrong.append((transaction, error))
+            else:
+                good.append(offer)
+                newest[robot] = transaction
+        return good, wrong
 
     def _check_size(self, record_bytes: int, blob_bytes: int) -> None:
         limits = self.limits
@@ -124,16 +187,26 @@ class Admission:
             )
 
 
-class _Bucket:
-    """Fills at the limits' rate up to their burst; each transaction takes one token."""
+class _Rate:
+    """What one robot may publish: transactions, and the bytes of their blobs."""
 
-    __slots__ = ("filled_ns", "tokens")
+    __slots__ = ("_bytes", "_limits", "_transactions")
 
-    def __init__(self, tokens: float, now_ns: int) -> None:
-        self.tokens, self.filled_ns = tokens, now_ns
+    def __init__(self, limits: Limits, now_ns: int) -> None:
+        self._limits = limits
+        self._transactions = Bucket(limits.rate_per_s, limits.burst, now_ns, limits.burst)
+        most = limits.burst_bytes
+        self._bytes = Bucket(limits.rate_bytes_per_s, most, now_ns, most)
 
-    def refill(self, limits: Limits, now_ns: int) -> None:
-        if now_ns > self.filled_ns:  # a clock that was set back fills nothing
-            earned = (now_ns - self.filled_ns) / 1e9 * limits.rate_per_s
-            self.tokens = min(self.tokens + earned, limits.burst)
-            self.filled_ns = now_ns
+    def check(self, robot: str, now_ns: int) -> None:
+        if self._transactions.fill(now_ns) < 1 or self._bytes.fill(now_ns) <= 0:
+            limits = self._limits
+            raise RateLimitError(
+                f"expected at most {limits.rate_per_s:g} transactions a second of {robot} "
+                f"({limits.burst} at once) and {limits.rate_bytes_per_s:g} bytes "
+                f"({limits.burst_bytes} at once), got more; wait"
+            )
+
+    def charge(self, size: int) -> None:
+        self._transactions.take(1)
+        self._bytes.take(size)

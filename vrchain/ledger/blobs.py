@@ -24,17 +24,19 @@ class BlobStore:
         """Where the blob with this digest lies, there or not."""
         return self._prefix + blob.hex()
 
-    def put(self, blob: bytes, data: bytes) -> bool:
-        """Make the blob durable; whether it is new here. Raises OSError."""
+    def __contains__(self, blob: bytes) -> bool:
+        """Whether there is a file for the blob, good or damaged."""
+        return os.path.exists(self.path(blob))
+
+    def put(self, blob: bytes, data: bytes) -> None:
+        """Make the blob durable. Raises OSError."""
         path = self.path(blob)
-        is_new = not os.path.exists(path)
         try:
             write_durably(path, data)  # if it is there: mends one that was damaged
         except FileNotFoundError:
             self.folder.mkdir()
             sync_folder(self.folder.parent)
             write_durably(path, data)
-        return is_new
 
     def get(self, blob: bytes) -> bytes:
         """The blob's bytes, checked against its digest. NotFoundError, DamagedError, or OSError."""

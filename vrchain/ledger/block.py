@@ -14,6 +14,7 @@ from vrchain.ledger.encoding import (
     check_name,
     digest,
     encode,
+    encode_fields,
 )
 from vrchain.ledger.errors import NewestError, RecordError
 from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
@@ -25,6 +26,7 @@ from vrchain.ledger.transaction import Transaction
 Record: TypeAlias = Genesis | Enrolment | Expulsion | Drop | Transaction
 
 NO_BLOCK = NO_DIGEST  # what the first block has for its previous hash
+_DOMAIN = encode("vrchain/2/record")
 _RECORD_KINDS: dict[str, type[SignedRecord]] = {
     kind.DOMAIN: kind for kind in (Genesis, Enrolment, Expulsion, Drop, Transaction)
 }
@@ -110,7 +112,7 @@ class Entry(NamedTuple):
 
 def records_root(records: Sequence[Record]) -> bytes:
     """The root of the Merkle tree over the records' ids, each id hashed behind its domain."""
-    return Tree([digest(encode("vrchain/2/record", record.id)) for record in records]).root
+    return Tree([digest(_DOMAIN + encode_fields(record.id)) for record in records]).root
 
 
 def decode_record(data: bytes) -> Record:

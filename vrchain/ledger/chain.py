@@ -3,8 +3,9 @@
 The history itself is the store's; what is here is what the next block is judged by.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
+from typing import TypeAlias
 
 from vrchain.ledger.block import NO_BLOCK, Block, Entry, Record, records_root
 from vrchain.ledger.keys import PublicKey, SigningKey
@@ -20,6 +21,8 @@ from vrchain.ledger.validity import (
     table_of,
     take,
 )
+
+Lap: TypeAlias = Callable[[str], object]
 
 
 def genesis_entry(
@@ -85,23 +88,24 @@ class Chain:
         """Take the block in, or raise an InvalidError and stay as before."""
         self.state = self.check(block, records)
 
-    def take(self, records: Sequence[Record], author: str, public: PublicKey) -> State:
-        """The state with ``records`` taken in, for ``draft_block``; an InvalidError if refused.
+    def make(
+        self,
+        records: Sequence[Record],
+        author: str,
+        key: SigningKey,
+        lap: Lap = lambda stage: None,
+    ) -> tuple[Entry, State]:
+        """The next block, which brings in ``records``, signed by ``key``, and the state after it.
 
-        ``public``: of the key that will sign the block. It must be the author's, so that the
-        block's own signature, once made, need not be checked again.
-        """
-        after = take(self.state, records, author, self._earlier)
-        check_author(after, author, public)
-        return after
-
-    def draft_block(self, after: State, records: Sequence[Record], author: str) -> Block:
-        """The block, not signed yet, that brings in ``records``; ``after`` as ``take`` gave it.
-
-        Its timestamp is the latest among the head's and the records'.
+        The chain stays where it is. The block's timestamp is the latest among the head's and the
+        records'. ``lap(stage)`` is called after validate, encode and sign. Raises an InvalidError
+        kind.
         """
         head = self.state.head
-        return Block(
+        after = take(self.state, records, author, self._earlier)
+        check_author(after, author, key.public)  # the block's own signature need not be, then
+        lap("validate")
+        draft = Block(
             head.height + 1,
             head.hash,
             max([head.timestamp_ns, *(record.timestamp_ns for record in records)]),
@@ -110,6 +114,11 @@ class Chain:
             author,
             after.table,
         )
+        assert draft.body
+        lap("encode")
+        block = draft.signed(key)
+        lap("sign")
+        return Entry(block, tuple(records)), after._replace(head=block)
 
     def draft_transaction(
         self,

@@ -1,5 +1,6 @@
 """Blocks and records in SQLite. Reading is strict: every column must follow from the records."""
 
+import os
 import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
@@ -9,6 +10,7 @@ from vrchain.errors import LedgerError
 from vrchain.ledger.block import Block, Entry, Record, decode_record
 from vrchain.ledger.durable import storage_errors
 from vrchain.ledger.errors import (
+    AccessError,
     DamagedError,
     NotALedgerError,
     NotFoundError,
@@ -61,11 +63,12 @@ def create_database(path: Path, first: Entry) -> None:
 def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
     """A connection to the ledger in ``folder``; it creates nothing where there is none.
 
-    Raises NotALedgerError, StorageError.
+    Raises NotALedgerError, AccessError, StorageError.
     """
     path = Path(folder).absolute() / DATABASE_NAME
     if not path.is_file():
         raise NotALedgerError(f"expected a ledger's folder with a file {DATABASE_NAME}: {folder}")
+    _check_access(path, writable)
     with storage_errors(f"opening {path}"):
         uri = f"{path.as_uri()}?mode={'rw' if writable else 'ro'}"
         db = sqlite3.connect(uri, uri=True, isolation_level=None)
@@ -82,6 +85,18 @@ def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
             db.close()
             raise
         return db
+
+
+def _check_access(path: Path, writable: bool) -> None:
+    """Say plainly what SQLite would be unable to open whatever the file holds: AccessError."""
+    if not os.access(path, os.R_OK | os.W_OK if writable else os.R_OK):
+        doing = "write" if writable else "read"
+        raise AccessError(f"expected to be allowed to {doing} {path}; mend its permissions")
+    if not os.access(path.parent, os.W_OK) and not path.with_name(f"{path.name}-shm").exists():
+        raise AccessError(
+            f"expected a folder in which SQLite may make its working files, got {path.parent}: "
+            "copy the ledger to one"
+        )
 
 
 def insert_entry(db: sqlite3.Connection, entry: Entry) -> None:

@@ -125,6 +125,10 @@ def _too_large(what: str, size: int, limit: int) -> TooLargeError:
     return TooLargeError(f"expected a {what} of at most {limit} bytes, got {size} bytes")
 
 
+def _truncated(position: int) -> EncodingError:
+    return EncodingError(f"expected a whole field at byte {position}, got a truncated one")
+
+
 def _encode_field(value: Field) -> bytes:
     if type(value) is bytes:
         return _HEAD.pack(_BYTES, len(value)) + value
@@ -151,9 +155,11 @@ def _decode_fields(data: bytes, position: int, end: int, depth: int) -> tuple[An
     fields: list[Field] = []
     while position < end:
         start = position + _HEAD.size
-        tag, length = _HEAD.unpack_from(data, position) if start <= end else (0, 0)
-        if start > end or start + length > end:
-            raise EncodingError(f"expected a whole field at byte {position}, got a truncated one")
+        if start > end:
+            raise _truncated(position)
+        tag, length = _HEAD.unpack_from(data, position)
+        if start + length > end:
+            raise _truncated(position)
         if tag == _BYTES:
             fields.append(data[start : start + length])
         elif tag == _INTEGER:

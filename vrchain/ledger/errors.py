@@ -100,6 +100,10 @@ class AdmissionError(LedgerError):
     """What may be valid is not taken in here and now; see ``admission``."""
 
 
+class DuplicateError(AdmissionError):
+    """The very transaction is in the ledger, or waits for its block: its sender may go on."""
+
+
 class InputLimitError(AdmissionError):
     """Input that nobody has verified yet is larger than is taken from strangers."""
 
@@ -136,6 +140,10 @@ class ReadOnlyError(StorageError):
     """The ledger was opened for reading only."""
 
 
+class AccessError(StorageError):
+    """The permissions of the ledger's folder or files forbid it."""
+
+
 class StorageFullError(StorageError):
     """No room is left on the disk."""
 
@@ -154,6 +162,10 @@ class DroppedError(NotFoundError):
 
 class PeerError(LedgerError):
     """The other robot's process does not answer."""
+
+
+class WireError(PeerError):
+    """What comes over a connection is no message, and no more can be read from it."""
 
 
 class PeerRefusedError(PeerError):

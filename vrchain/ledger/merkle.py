@@ -5,7 +5,8 @@ Leaves and nodes are hashed under domains of their own, so that neither passes f
 """
 
 import hashlib
-from collections.abc import Sequence
+from bisect import bisect_left
+from collections.abc import Mapping, Sequence
 from typing import TypeAlias, Union
 
 from vrchain.ledger.encoding import DIGEST_BYTES, digest, encode, encode_fields
@@ -37,10 +38,12 @@ class Tree:
         """32 bytes that pin all leaves and their order."""
         return self._top[0]
 
-    def replaced(self, place: int, leaf: bytes) -> "Tree":
-        """The tree with another leaf at ``place``: as many new nodes as it is high."""
+    def replaced(self, leaves: Mapping[int, bytes]) -> "Tree":
+        """The tree with other leaves at some places: new nodes above these only."""
         tree = Tree.__new__(Tree)
-        tree._size, tree._top = self._size, _replaced(self._top, self._size, place, leaf)
+        tree._size, tree._top = self._size, self._top
+        if leaves:
+            tree._top = _replaced(self._top, self._size, 0, sorted(leaves.items()))
         return tree
 
     def path(self, place: int) -> Path:
@@ -77,14 +80,19 @@ def _grown(leaves: Sequence[bytes]) -> _Node:
     return _joined(_grown(leaves[:half]), _grown(leaves[half:]))
 
 
-def _replaced(node: _Node, size: int, place: int, leaf: bytes) -> _Node:
+def _replaced(node: _Node, size: int, start: int, leaves: list[tuple[int, bytes]]) -> _Node:
+    """The node of ``size`` leaves from place ``start`` on, with these at their places, sorted."""
     _, left, right = node
     if left is None or right is None:
-        return leaf, None, None
+        return leaves[0][1], None, None
     half = _half(size)
-    if place < half:
-        return _joined(_replaced(left, half, place, leaf), right)
-    return _joined(left, _replaced(right, size - half, place - half, leaf))
+    middle = start + half
+    cut = bisect_left(leaves, (middle,))
+    if cut:
+        left = _replaced(left, half, start, leaves[:cut])
+    if cut < len(leaves):
+        right = _replaced(right, size - half, middle, leaves[cut:])
+    return _joined(left, right)
 
 
 def _joined(left: _Node, right: _Node) -> _Node:

@@ -1,10 +1,11 @@
 """Another robot's process: it receives blocks over a socket and judges them for itself.
 
-A message is a count of frames, then each frame behind its length (both 4 bytes, big-endian):
-the block, its records, an empty frame, and the blobs of its transactions in their order. The
-answer is one frame: ``=`` and the new head's hash, or ``!`` and why the block was refused.
+A message (see ``wire``) has these frames: the block, its records, an empty frame, and the blobs of
+its transactions in their order. The answer is one frame: ``=`` and the new head's hash, or ``!``
+and why the block was refused.
 """
 
+import contextlib
 import os
 import socket
 import subprocess
@@ -22,14 +23,15 @@ from vrchain.ledger.errors import (
     PayloadDigestError,
     PeerError,
     PeerRefusedError,
-    TooLargeError,
+    WireError,
 )
 from vrchain.ledger.transaction import Transaction
+from vrchain.ledger.wire import receive, send
 from vrchain.paths import ROOT
 
 MAX_FRAMES = 1 << 16
 MAX_MESSAGE_BYTES = MAX_PAYLOAD_BYTES + 16 * MAX_RECORD_BYTES
-_COUNT_BYTES = 4
+_MAX_ANSWER_BYTES = 1 << 16
 _NO_MORE = b""  # no record is empty
 _ACCEPTED, _REFUSED = b"=", b"!"
 _RUN = "import sys; from vrchain.ledger.peer import serve; serve(int(sys.argv[1]))"
@@ -67,8 +69,8 @@ class PeerProcess:
         """
         frames = [block.record, *(r.record for r in records), _NO_MORE, *payloads]
         try:
-            _send(self._socket, frames)
-            answer = _receive(self._socket)
+            send(self._socket, frames)
+            answer = receive(self._socket, 1, _MAX_ANSWER_BYTES)
         except OSError as error:
             raise PeerError(f"the peer process does not answer: {error}") from None
         if not answer:
@@ -102,16 +104,18 @@ def serve(handle: int) -> None:
     """The child's whole life: judge what comes over the socket ``handle`` until it closes."""
     chain: Chain | None = None
     with socket.socket(fileno=handle) as connection:
-        try:
-            while (frames := _receive(connection)) is not None:
-                try:
-                    chain = accept(chain, frames)
-                    answer = _ACCEPTED + chain.head.hash
-                except LedgerError as error:
-                    answer = _REFUSED + f"{type(error).__name__}: {error}".encode()
-                _send(connection, [answer])
-        except (OSError, LedgerError):
-            return  # the sender is gone, or what it sends has no frames: nobody to answer
+        while True:
+            try:
+                if (frames := receive(connection, MAX_FRAMES, MAX_MESSAGE_BYTES)) is None:
+                    return
+                chain = accept(chain, frames)
+                answer = _ACCEPTED + chain.head.hash
+            except (OSError, WireError):
+                return  # the sender is gone, or what it sends has no frames: nobody to answer
+            except LedgerError as error:
+                answer = _REFUSED + f"{type(error).__name__}: {error}".encode()
+            with contextlib.suppress(OSError):
+                send(connection, [answer])
 
 
 def accept(chain: Chain | None, frames: Sequence[bytes]) -> Chain:
@@ -126,62 +130,18 @@ def accept(chain: Chain | None, frames: Sequence[bytes]) -> Chain:
     block = Block.decode(frames[0])
     records = tuple(decode_record(frame) for frame in frames[1:end])
     named = [blob for record in records if isinstance(record, Transaction) for blob in record.blobs]
-    if named != [digest(blob) for blob in frames[end + 1 :]]:
-        raise PayloadDigestError(f"the blobs are not those that the records of {block} name")
+    blobs = frames[end + 1 :]
+    if len(blobs) != len(named):
+        raise PayloadDigestError(f"expected {len(named)} blobs with {block}, got {len(blobs)}")
     if chain is None:
-        return Chain(Entry(block, records))
-    chain.append(block, records)
+        return Chain(Entry(block, records))  # a genesis record names no blobs
+    after = chain.check(block, records)  # before blobs are hashed: it costs less, whatever comes
+    if named != [digest(blob) for blob in blobs]:
+        raise PayloadDigestError(f"the blobs are not those that the records of {block} name")
+    chain.state = after
     return chain
 
 
 def _python_path() -> list[str]:
     path = os.environ.get("PYTHONPATH")
     return [path] if path else []
-
-
-def _send(connection: socket.socket, frames: Sequence[bytes]) -> None:
-    connection.sendall(len(frames).to_bytes(_COUNT_BYTES, "big"))
-    for frame in frames:
-        connection.sendall(len(frame).to_bytes(_COUNT_BYTES, "big"))
-        connection.sendall(frame)
-
-
-def _receive(connection: socket.socket) -> list[bytes] | None:
-    """One message's frames, None at the end of the connection. OSError, TooLargeError."""
-    frames: list[bytes] = []
-    room = MAX_MESSAGE_BYTES
-    count = _read_count(connection)
-    if count is None:
-        return None
-    if count > MAX_FRAMES:
-        raise TooLargeError(f"expected at most {MAX_FRAMES} frames, got {count}")
-    while len(frames) < count:
-        length = _read_count(connection)
-        if length is None:
-            return None
-        room -= length
-        if room < 0:
-            raise TooLargeError(f"expected a message of at most {MAX_MESSAGE_BYTES} bytes")
-        frame = _read(connection, length)
-        if frame is None:
-            return None
-        frames.append(frame)
-    return frames
-
-
-def _read_count(connection: socket.socket) -> int | None:
-    data = _read(connection, _COUNT_BYTES)
-    return None if data is None else int.from_bytes(data, "big")
-
-
-def _read(connection: socket.socket, count: int) -> bytes | None:
-    """Exactly ``count`` bytes, None when the connection ends before."""
-    data = bytearray(count)
-    view = memoryview(data)
-    done = 0
-    while done < count:
-        received = connection.recv_into(view[done:])
-        if received == 0:
-            return None
-        done += received
-    return bytes(data)

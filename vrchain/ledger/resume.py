@@ -3,6 +3,7 @@
 import sqlite3
 from collections.abc import Iterator
 
+from vrchain.errors import LedgerError
 from vrchain.ledger.block import Block, Entry, Record, records_root
 from vrchain.ledger.database import (
     last_height,
@@ -10,11 +11,12 @@ from vrchain.ledger.database import (
     operator_records,
     read_entries,
     read_entry,
+    read_record,
 )
 from vrchain.ledger.durable import storage_errors
 from vrchain.ledger.errors import DamagedError, InvalidError
 from vrchain.ledger.keys import PublicKey
-from vrchain.ledger.membership import Enrolment, Expulsion, Genesis
+from vrchain.ledger.membership import OPERATOR, Enrolment, Expulsion, Genesis
 from vrchain.ledger.table import Table
 from vrchain.ledger.transaction import NO_TRANSACTION, Transaction
 from vrchain.ledger.validity import State, table_of
@@ -23,16 +25,29 @@ from vrchain.ledger.validity import State, table_of
 def read_state(db: sqlite3.Connection) -> State:
     """The state at the newest block.
 
-    Every record read is checked against its id, and what they come to against the block's
-    root; what came before is not judged again. Raises DamagedError, StorageError.
+    Every record read is checked against its id, what they come to against the block's root, and
+    the signatures of all that the state rests on: the head, the newest transactions, the
+    operator's records. What came before is not judged again. Raises DamagedError, StorageError.
     """
     with storage_errors("reading the head"):
         db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
         try:
-            return _state_at(db, last_height(db))
+            height = last_height(db)
+            state = _state_at(db, height)
+            by_operator = operator_records(db, height)
         finally:
             if db.in_transaction:
                 db.execute("ROLLBACK")
+    try:
+        for record in by_operator:
+            record.check_signature(OPERATOR, state.genesis.operator)
+        for robot, last in state.newest.items():
+            if last:
+                last.check_signature(robot, state.members[robot])
+        state.head.check_signature(state.head.author, state.public_key(state.head.author))
+    except InvalidError as error:
+        raise DamagedError(f"{error}; run verify") from None
+    return state
 
 
 def read_whole_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entry]:
@@ -46,11 +61,23 @@ def read_whole_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterato
         yield Entry(block, records)
 
 
+def first_unreadable(db: sqlite3.Connection, blocks: int) -> int | None:
+    """The lowest of so many good blocks that a reader cannot find by the indexes, None if none."""
+    for height in range(blocks):
+        try:
+            (entry,) = read_whole_entries(db, height, height + 1)
+            for record in entry.records:
+                read_record(db, record.id)
+        except LedgerError:
+            return height
+    return None
+
+
 def _table_after(table: Table, records: tuple[Record, ...]) -> Table:
     for record in records:
         match record:
             case Transaction() if record.robot in table:
-                table = table.replaced(record.robot, record.id)
+                table = table.replaced({record.robot: record.id})
             case Enrolment():
                 table = Table({**dict(table.rows), record.name: NO_TRANSACTION})
             case Expulsion():

@@ -3,14 +3,15 @@
 import contextlib
 import os
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import pairwise
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 from vrchain.ledger.blobs import BlobStore
 from vrchain.ledger.block import Block, Entry, Record
-from vrchain.ledger.chain import Chain, genesis_entry
+from vrchain.ledger.chain import Chain, Lap, genesis_entry
 from vrchain.ledger.database import (
     all_records,
     checked_record,
@@ -40,7 +41,6 @@ from vrchain.ledger.transaction import Offer, Transaction, blob_digest
 from vrchain.ledger.validity import State
 
 BLOBS_NAME = "blobs"
-Lap = Callable[[str], object]
 
 
 class Ledger:
@@ -90,7 +90,8 @@ class Ledger:
     ) -> Self:
         """The ledger in ``folder``. A write waits up to ``wait_s`` for another process's.
 
-        Only the head and the newest records are checked; ``verify`` checks everything.
+        Only the head, the newest transactions and the operator's records are checked; ``verify``
+        checks everything.
         Raises NotALedgerError, DamagedError, StorageError; creates nothing then.
         """
         return cls(Path(folder), writable, wait_s)
@@ -165,7 +166,8 @@ class Ledger:
             last for last in [state.newest[robot]] if last
         ]
         numbers = [t.sequence for t in transactions if t.robot == robot]
-        if not ends_well or numbers != list(range(len(rows))):
+        linked = all(later.previous == t.id for t, later in pairwise(transactions))
+        if not ends_well or not linked or numbers != list(range(len(rows))):
             raise DamagedError(f"the history of {robot} is not whole; run verify")
         return transactions
 
@@ -390,16 +392,10 @@ class Ledger:
         key: SigningKey,
         lap: Lap = lambda stage: None,
     ) -> None:
-        after = self._chain.take(records, author, key.public)
-        lap("validate")
-        draft = self._chain.draft_block(after, records, author)
-        assert draft.body
-        lap("encode")
-        block = draft.signed(key)
-        lap("sign")
-        self._write(Entry(block, tuple(records)), blobs)
+        entry, after = self._chain.make(records, author, key, lap)
+        self._write(entry, blobs)
         lap("append_durable")
-        self._go_to(after._replace(head=block))
+        self._go_to(after)
         lap("append_memory")
 
     def _go_to(self, state: State) -> None:
@@ -429,8 +425,9 @@ class Ledger:
         with storage_errors(f"writing block {entry.block.height} to {self.folder}"):
             try:
                 for blob, data in blobs.items():
-                    if self._blobs.put(blob, data):
-                        written.append(blob)
+                    if blob not in self._blobs:
+                        written.append(blob)  # before it is, lest Ctrl-C comes in between
+                    self._blobs.put(blob, data)
                 insert_entry(self._db, entry)
             except BaseException:
                 if self._db.in_transaction:  # a full disk may have ended it

@@ -7,10 +7,12 @@ every block, most being those of the block before: they follow from the records 
 from collections.abc import Mapping
 from typing import TypeAlias
 
-from vrchain.ledger.encoding import digest, encode
+from vrchain.ledger.encoding import digest, encode, encode_fields
 from vrchain.ledger.merkle import Path, Tree
 
 Rows: TypeAlias = tuple[tuple[str, bytes], ...]
+
+_DOMAIN = encode("vrchain/2/newest")
 
 
 class Table:
@@ -36,14 +38,17 @@ class Table:
         """The root of the Merkle tree over the rows, in their order."""
         return self._tree.root
 
-    def replaced(self, robot: str, transaction_id: bytes) -> "Table":
-        """The table with another newest transaction of a robot that is in it."""
-        place = self._places[robot]
+    def replaced(self, newest: Mapping[str, bytes]) -> "Table":
+        """The table with other newest transactions of some robots that are in it."""
         table = Table.__new__(Table)
         table._places = self._places  # shared by all tables of these robots
         table._ids = self._ids.copy()
-        table._ids[place] = transaction_id
-        table._tree = self._tree.replaced(place, leaf_of(robot, transaction_id))
+        leaves = {}
+        for robot, transaction_id in newest.items():
+            place = self._places[robot]
+            table._ids[place] = transaction_id
+            leaves[place] = leaf_of(robot, transaction_id)
+        table._tree = self._tree.replaced(leaves)
         return table
 
     def path(self, robot: str) -> Path:
@@ -53,4 +58,4 @@ class Table:
 
 def leaf_of(robot: str, transaction_id: bytes) -> bytes:
     """The leaf of a row: its hash, behind a domain of its own."""
-    return digest(encode("vrchain/2/newest", robot, transaction_id))
+    return digest(_DOMAIN + encode_fields(robot, transaction_id))

@@ -11,9 +11,10 @@ from vrchain.ledger.blobs import BlobStore
 from vrchain.ledger.block import Entry
 from vrchain.ledger.database import connect, last_height, read_entries
 from vrchain.ledger.durable import storage_errors
-from vrchain.ledger.errors import DamagedError, NotALedgerError
+from vrchain.ledger.errors import AccessError, DamagedError, NotALedgerError
 from vrchain.ledger.keys import DATABASE_NAME
 from vrchain.ledger.membership import Drop
+from vrchain.ledger.resume import first_unreadable
 from vrchain.ledger.store import BLOBS_NAME
 from vrchain.ledger.transaction import Transaction
 from vrchain.ledger.validity import State, start_or_follow
@@ -23,8 +24,8 @@ from vrchain.ledger.validity import State, start_or_follow
 class Verification:
     """``blocks``: how many were found good, from the first on.
 
-    ``first_bad_block``: its height, None when all are good, or when the blocks are good but
-    something beside them is not. ``reason``: what is wrong, empty when ``ok``.
+    ``first_bad_block``: its height, None when all are good, or when the blocks are good and can
+    be found, but something beside them is not. ``reason``: what is wrong, empty when ``ok``.
     ``dropped``: how many blobs need not be there any more, by the operator's records.
     """
 
@@ -45,13 +46,16 @@ def verify(
     ``expected_head``: a block hash known from elsewhere that must be in the chain; without
     one, a ledger whose last blocks were cut off cleanly is a good, shorter ledger.
     ``progress(done, total)`` is called after each block.
-    Raises NotALedgerError where no ledger is; every damage is a Verification, never raised.
+    Raises NotALedgerError where no ledger is, AccessError where none may be read; every damage is
+    a Verification, never raised.
     """
     path = Path(folder)
     if not (path / DATABASE_NAME).is_file():
         raise NotALedgerError(f"expected a ledger's folder with a file {DATABASE_NAME}: {path}")
     try:
         db = connect(path, writable=False, wait_s=5.0)
+    except AccessError:
+        raise
     except LedgerError as error:
         return Verification(False, 0, 0, str(error))
     try:
@@ -89,9 +93,12 @@ def _verify(
         reason = "the known head is not in the chain: its end was cut off or rewritten"
         return Verification(False, height, height, reason)
     try:
-        _check_rest(db, height)
+        if _count(db, "height >= ?", height):
+            reason = f"the tables hold rows of block {height} or later, which is not there"
+            return Verification(False, height, height, reason)
+        _check_rest(db)
     except LedgerError as error:
-        return Verification(False, height, None, str(error))
+        return Verification(False, height, first_unreadable(db, height), str(error))
     return Verification(True, height, None, "", len(audit.dropped))
 
 
@@ -125,13 +132,18 @@ class _Audit:
             self.missing.setdefault(blob, (height, str(error)))
 
 
-def _check_rest(db: sqlite3.Connection, blocks: int) -> None:
-    """No rows beside those of the good blocks, and indexes that agree with the tables."""
+def _count(db: sqlite3.Connection, condition: str, height: int = 0) -> int:
+    """How many rows of blocks and of records meet a condition on their height."""
     with storage_errors("checking the database"):
-        for table in ("blocks", "records"):
-            query = f"SELECT count(*) FROM {table} WHERE height NOT BETWEEN 0 AND ?"
-            if db.execute(query, (blocks - 1,)).fetchone()[0]:
-                raise DamagedError(f"the table {table} holds rows that belong to no block")
+        queries = [f"SELECT count(*) FROM {t} WHERE {condition}" for t in ("blocks", "records")]
+        return sum(db.execute(query, (height,)).fetchone()[0] for query in queries)
+
+
+def _check_rest(db: sqlite3.Connection) -> None:
+    """No rows below those of the good blocks, and indexes that agree with the tables."""
+    if _count(db, "height < ?"):
+        raise DamagedError("the tables hold rows that belong to no block")
+    with storage_errors("checking the database"):
         found = db.execute("PRAGMA integrity_check(1)").fetchone()[0]
         if found != "ok":
             raise DamagedError(f"SQLite finds its file inconsistent: {found}")

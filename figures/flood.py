@@ -1,0 +1,26 @@
+"""One robot floods the others' gate: what they notice, and what becomes of the flood."""
+
+from dataclasses import replace
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.flood import FloodConfig, flood, outcomes, summarise
+from vrchain.experiments.results import Results
+from vrchain.plots.flood import flood_figure
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """Measured when it is drawn, for longer in a larger profile."""
+    seed, name = results.profile.seed, results.profile.name
+    config = FloodConfig(rounds={"smoke": 1, "paper": 20}.get(name, 5), seed=seed)
+    if name == "smoke":
+        config = replace(config, robots=2, phase_s=0.5)
+    measured = flood(config)
+    table, floods = summarise(measured, seed=seed), outcomes(measured)
+    return flood_figure(table, floods, config), table.merge(floods, on="name")
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

@@ -1,0 +1,22 @@
+"""The ledger's size over positions and robots, beside the paper's inline layout."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.bloat import ledger_sizes
+from vrchain.experiments.results import Results
+from vrchain.plots.ledger_size import ledger_size_figure
+from vrchain.plots.scripts import run_script
+
+ROBOTS = (2, 10, 100)
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """Real ledgers, of panoramas as large as the survey's are on average."""
+    payload_bytes = round(results.table("retrieval", "throughput").payload_bytes[0])
+    sizes = ledger_sizes(results.profile.positions, ROBOTS, payload_bytes)
+    return ledger_size_figure(sizes, results.note()), sizes
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)
