@@ -5,13 +5,15 @@ Exit status 0, or not 0 with one line that says what was expected, what came, ho
 
 import signal
 import sys
+import warnings
 from types import FrameType
+from typing import TextIO
 
 import typer
 
 from vrchain import __version__
-from vrchain.cli import bench, ledger, research, robots, scene
-from vrchain.errors import VRChainError
+from vrchain.cli import bench, evaluate, ledger, research, robots, scene
+from vrchain.errors import UnsupportedWarning, VRChainError
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -22,11 +24,13 @@ app = typer.Typer(
 app.add_typer(scene.app, name="scene")
 app.add_typer(ledger.app, name="ledger")
 app.add_typer(bench.app, name="bench")
+app.add_typer(evaluate.app, name="evaluate")
 app.command()(robots.panorama)
 app.command()(robots.landmarks)
 app.command()(robots.navigate)
 app.command()(research.reproduce)
 app.command()(research.figures)
+app.command()(research.train)
 
 
 @app.command()
@@ -44,6 +48,7 @@ def main() -> None:
         raise KeyboardInterrupt
 
     signal.signal(signal.SIGINT, interrupt)
+    warnings.showwarning = _warn
     status = 1
     try:
         status = app(standalone_mode=False)
@@ -61,6 +66,21 @@ def main() -> None:
     if interrupts:
         status = _fail("interrupted: nothing half-written is left", 130)
     sys.exit(status)
+
+
+def _warn(
+    message: Warning | str,
+    category: type[Warning],
+    filename: str,
+    lineno: int,
+    file: TextIO | None = None,
+    line: str | None = None,
+) -> None:
+    """What a world holds that we do not draw is told in a line; other warnings as ever."""
+    told = warnings.formatwarning(message, category, filename, lineno, line)
+    if issubclass(category, UnsupportedWarning):
+        told = f"vrchain: {message}\n"
+    (file or sys.stderr).write(told)
 
 
 def _fail(message: str, status: int) -> int:

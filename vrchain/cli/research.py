@@ -1,4 +1,4 @@
-"""The commands that make the paper's evaluation anew: ``reproduce`` and ``figures``."""
+"""The commands that make the project's results anew: ``reproduce``, ``figures``, ``train``."""
 
 from functools import partial
 from pathlib import Path
@@ -61,3 +61,23 @@ def figures(
     folder = output or FIGURES
     drawn = run_scripts(results, folder, names or ())
     print(f"drew {', '.join(drawn)} into {folder}")
+
+
+def train(
+    profile: Annotated[str, typer.Option(metavar="quick|full", help="How long.")] = "quick",
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="WEIGHTS", help="The file to write.")
+    ] = None,
+) -> None:
+    """Teach the network that proposes landmarks; weights and their record (.json) are written.
+
+    quick: at most 45 minutes on 2 cores; full, which the shipped weights come from: at most 4
+    hours. Broken off, the same command goes on from the last checkpoint (build/training).
+    """
+    from vrchain.landmarks.training import profiles
+    from vrchain.paths import BUILD
+
+    folder = BUILD / "training"
+    weights = output or folder / f"weights_{profile}.pt"
+    profiles.train(profile, weights, folder)
+    print(f"weights: {weights}, record: {weights.with_suffix('.json')}")

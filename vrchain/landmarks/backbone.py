@@ -20,7 +20,7 @@ LAYERS: tuple[Layer, ...] = ("middle", "last")
 
 _INPUT_PX = 128  # crops are about so large; in training it was 224
 _BATCH = 32
-_MEAN_RGB, _SPREAD_RGB = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+MEAN_RGB, SPREAD_RGB = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
 _NORM_EPSILON = 1e-3
 # Blocks, stride of the first, whether they expand; kernels and channels are the weights' own.
 _STAGES = (
@@ -84,7 +84,7 @@ class Backbone:
 
         with torch.inference_mode():
             x = torch.from_numpy(pictures).permute(0, 3, 1, 2).float() / 255
-            mean, spread = torch.tensor(_MEAN_RGB), torch.tensor(_SPREAD_RGB)
+            mean, spread = torch.tensor(MEAN_RGB), torch.tensor(SPREAD_RGB)
             x = (x - mean[:, None, None]) / spread[:, None, None]
             x = self.stem(x).clamp_(0, 6)
             for block in self.blocks:

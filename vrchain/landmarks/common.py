@@ -55,6 +55,8 @@ class CommonLandmark:
     score: 0 to 1, larger is surer. support_a, support_b: (k,) indices of its matched keypoints.
     ranges: distance of the landmark from A and from B, in units of the distance from A to B; None
     where the geometry does not tell (photographs; panoramas taken at one place).
+    mask_a, mask_b: (n, 2) directions, bearing_rad and slope, that its regions cover, where they are
+    known; they are the support of a claim that no keypoints support.
     """
 
     score: float
@@ -63,6 +65,8 @@ class CommonLandmark:
     support_a: NDArray[np.int64]
     support_b: NDArray[np.int64]
     ranges: tuple[float, float] | None = None
+    mask_a: NDArray[np.float64] | None = None
+    mask_b: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,16 +160,23 @@ def panorama_region(support: Features, rig: CameraRig) -> Region:
     offset, reach = wrap_angle_rad(support.bearing_rad - middle), support.size_rad / 2
     right, left = float((offset - reach).min()), float((offset + reach).max())
     low, high = float((support.slope - reach).min()), float((support.slope + reach).max())
-    bearing = float(wrap_angle_rad(middle + (left + right) / 2))
+    return view_box(middle + (left + right) / 2, left - right, (low, high), rig)
+
+
+def view_box(
+    bearing_rad: float, width_rad: float, slopes: tuple[float, float], rig: CameraRig
+) -> Region:
+    """The region of something so wide around a bearing, between two slopes."""
+    bearing = float(wrap_angle_rad(bearing_rad))
     view = int(rig.view_of_bearing(bearing))
-    half, edge = (left - right) / 2, np.radians(rig.field_of_view_deg) / 2
+    half, edge = width_rad / 2, np.radians(rig.field_of_view_deg) / 2
     off_axis = wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.linspace(-half, half, 9)
     across = rig.azimuths_rad[view] + np.clip(off_axis, -edge, edge)
-    x_px, y_px = rig.project(view, across[:, None], np.array([[low, high]]))
+    x_px, y_px = rig.project(view, across[:, None], np.array([slopes]))
     box = (
         float(np.clip(x_px.min(), 0, rig.width_px)),
         float(np.clip(y_px.min(), 0, rig.height_px)),
         float(np.clip(x_px.max(), 0, rig.width_px)),
         float(np.clip(y_px.max(), 0, rig.height_px)),
     )
-    return Region(view, box, bearing, left - right)
+    return Region(view, box, bearing, width_rad)

@@ -54,9 +54,15 @@ def judge(
     for claim in comparison.common:
         sides = []
         supports = (claim.support_a, claim.support_b)
-        for pose, feature, support, team in zip(poses, features, supports, robots, strict=True):
+        masks = (claim.mask_a, claim.mask_b)
+        for pose, feature, support, mask, team in zip(
+            poses, features, supports, masks, robots, strict=True
+        ):
             own = feature.take(support)
-            ids, points = truth.look_along(pose, own.bearing_rad, own.slope, rig, team)
+            bearing_rad, slope = own.bearing_rad, own.slope
+            if not len(support) and mask is not None:
+                bearing_rad, slope = mask.T
+            ids, points = truth.look_along(pose, bearing_rad, slope, rig, team)
             values, counts = np.unique(ids, return_counts=True)
             leader = int(values[counts.argmax()])
             middle = np.nanmedian(points, axis=0) if (ids != SKY).any() else np.full(3, np.nan)

@@ -1,0 +1,118 @@
+import json
+import struct
+import zlib
+from dataclasses import fields
+
+import answers
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vrchain.errors import ImageError, VRChainError
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.proposer import from_answers, nothing
+from vrchain.landmarks.record import LandmarkRecord, decode_record, encode_record, owners
+from vrchain.landmarks.sift import Features
+from vrchain.panorama import CameraRig
+from vrchain.seeding import generator
+
+CENTRES_M = np.array([[10.0, 0.0], [0.0, 14.0], [-9.0, 1.0]])
+N = 200
+
+
+def keypoints(n: int = N) -> Features:
+    draws = generator(0, "keypoints")
+    return Features(
+        draws.uniform(-np.pi, np.pi, n), draws.uniform(-0.39, 0.39, n), draws.uniform(0, 0.2, n),
+        draws.integers(0, 256, (n, 128)).astype(np.uint8),
+    )  # fmt: skip
+
+
+def record(n: int = N) -> LandmarkRecord:
+    pose, looks = Pose(0, 0, 0), answers.looks(len(CENTRES_M))
+    said = answers.perfect(answers.posts(pose, CENTRES_M), pose, CENTRES_M, looks)
+    return LandmarkRecord(answers.RIG, "ab" * 32, from_answers(said, answers.RIG), keypoints(n))
+
+
+def test_a_record_comes_back_as_it_was() -> None:
+    before = record()
+    after = decode_record(encode_record(before))
+    assert (after.rig, after.maker) == (before.rig, before.maker)
+    for field in fields(before.proposals):
+        was, now = (getattr(r.proposals, field.name) for r in (before, after))
+        tolerance = 0.01 if field.name == "embedding" else 1e-5
+        assert was.shape == now.shape and np.allclose(was, now, rtol=1e-6, atol=tolerance)
+    off = wrap_angle_rad(after.features.bearing_rad - before.features.bearing_rad)
+    assert np.abs(off).max() < 1e-4  # a hundredth of a pixel is 1.8e-5
+    assert np.abs(after.features.slope - before.features.slope).max() < 1e-4
+    assert (after.features.descriptors == before.features.descriptors).all()
+
+
+def test_encoding_is_canonical() -> None:
+    once = encode_record(record())
+    assert encode_record(record()) == once
+    assert encode_record(decode_record(once)) == once
+
+
+def test_a_record_of_nothing() -> None:
+    empty = LandmarkRecord(CameraRig(n_views=1), "0" * 64, nothing(), keypoints(0))
+    after = decode_record(encode_record(empty))
+    assert len(after.proposals) == len(after.features) == 0
+
+
+def test_keypoints_know_the_proposal_they_lie_in() -> None:
+    known = record()
+    step = 2 * np.pi / answers.SHAPE[1]
+    p = known.proposals
+    middle = wrap_angle_rad((p.box[:, 0] + p.box[:, 1]) / 2)
+    on = Features(
+        np.r_[middle, middle + np.pi / 7], np.r_[(p.box[:, 2] + p.box[:, 3]) / 2, np.full(3, 0.38)],
+        np.full(6, step), np.zeros((6, 128), dtype=np.uint8),
+    )  # fmt: skip
+    assert list(owners(known.rig, p, on)) == [0, 1, 2, -1, -1, -1]
+
+
+@given(st.binary(max_size=200))
+def test_other_bytes_are_refused(garbage: bytes) -> None:
+    with pytest.raises(ImageError):
+        decode_record(garbage)
+
+
+@given(st.data())
+def test_damaged_bytes_are_refused_or_decode(data: st.DataObject) -> None:
+    """Only errors of our own come out, and what decodes is of the shapes it says."""
+    blob = bytearray(encode_record(record(5)))
+    for _ in range(data.draw(st.integers(1, 3))):
+        blob[data.draw(st.integers(0, len(blob) - 1))] = data.draw(st.integers(0, 255))
+    try:
+        found = decode_record(bytes(blob))
+    except VRChainError:
+        return
+    assert len(found.proposals.embedding) == len(found.proposals)
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("proposals", -1),
+        ("proposals", 255),
+        ("keypoints", 10**9),
+        ("embedded", 0),
+        ("rig", {"n_views": 0}),
+    ],
+)
+def test_a_header_that_lies_is_refused(key: str, value: object) -> None:
+    """A header that promises much is refused before memory is asked for."""
+    blob = encode_record(record(5))
+    end = 12 + struct.unpack(">I", blob[8:12])[0]
+    table = json.dumps({**json.loads(blob[12:end]), key: value}).encode()
+    with pytest.raises(ImageError, match="landmark record"):
+        decode_record(blob[:8] + struct.pack(">I", len(table)) + table + blob[end:])
+
+
+def test_a_bomb_is_not_unpacked() -> None:
+    blob = encode_record(record(5))
+    end = 12 + struct.unpack(">I", blob[8:12])[0]
+    with pytest.raises(ImageError, match="expected"):
+        decode_record(blob[:end] + zlib.compress(bytes(300_000_000), 9))

@@ -1,0 +1,248 @@
+"""Two robots' proposals joined: which are the same landmarks, and where the robots stand.
+
+Each panorama alone places its proposals on a map of its own, bearings well and ranges roughly.
+Two such maps of one place differ by a turn and a shift. Pairs of proposals that look alike
+suggest one; what all proposals say of it, by their looks and by their places, decides. Twins look
+the same and are told apart by what stands around them.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.proposer import Proposals
+from vrchain.seeding import generator
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class ConstellationConfig:
+    """How proposals are joined."""
+
+    candidates: int = 4  # most alike ones of each proposal from which a relative pose is guessed
+    guesses: int = 3000  # relative poses tried
+    kept: int = 12  # of them settled by least squares
+    area_m2: float = 2000.0  # where a landmark might as well stand: rivals of the right place
+    reach_m: float = 70.0  # robots farther apart than this are not looked for
+    loosen: float = 1.3  # ranges are less sure than the network says
+
+
+@dataclass(frozen=True, eq=False)
+class Constellation:
+    """B's pose in A's frame, and for every pair of proposals how well it agrees.
+
+    xy_m: (2,) where B stands; heading_rad: B's heading against A's; covariance: (3, 3) of x, y and
+    heading. evidence: log-likelihood of all proposals against that of two unrelated places.
+    looks, place: (n_a, n_b) log-likelihood ratios of being the same, by looks and by place.
+    pairs: (m, 2) the one-to-one joining that both together favour.
+    """
+
+    xy_m: Array
+    heading_rad: float
+    covariance: Array
+    evidence: float
+    looks: Array
+    place: Array
+    pairs: NDArray[np.int64]
+
+
+def join(
+    a: Proposals, b: Proposals, looks: Array, config: ConstellationConfig | None = None
+) -> Constellation | None:
+    """The relative pose that most speaks for, and the pairs under it; None: nothing to go by.
+
+    looks: (n_a, n_b) log-likelihood ratio of being the same landmark, by looks alone.
+    """
+    config = config or ConstellationConfig()
+    if min(len(a), len(b)) < 2:
+        return None
+    i, j = _candidates(looks, config.candidates)
+    poses = _guesses(a, b, i, j, looks[i, j], config)
+    if len(poses) == 0:
+        return None
+    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
+    support = _support(
+        poses, a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j], i, len(a), config
+    )
+    best: tuple[float, Array, Array] | None = None
+    for k in _distinct(poses, support, config.kept):
+        pose, covariance = _settle(poses[k], a, b, shape_a, shape_b, i, j, looks[i, j], config)
+        evidence = float(
+            _support(pose[None], a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j], i,
+                     len(a), config)[0]
+        )  # fmt: skip
+        if best is None or evidence > best[0]:
+            best = evidence, pose, covariance
+    assert best is not None
+    evidence, pose, covariance = best
+    place = _place(
+        pose[None], a.xy_m[:, None], b.xy_m[None], shape_a[:, None], shape_b[None], config
+    )[0]
+    gain = np.maximum(looks + place, -1.0)
+    rows, columns = linear_sum_assignment(-gain)
+    joined = gain[rows, columns] > 0
+    pairs = np.stack([rows, columns], axis=1)[joined]
+    return Constellation(
+        pose[:2], float(wrap_angle_rad(pose[2])), covariance, evidence, looks, place, pairs
+    )
+
+
+def _candidates(looks: Array, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of proposals of which one is among the n that look most like the other."""
+    rank_ab = (-looks).argsort(axis=1).argsort(axis=1) < n
+    rank_ba = (-looks).argsort(axis=0).argsort(axis=0) < n
+    i, j = np.nonzero((rank_ab & rank_ba) | (looks > 0) & (rank_ab | rank_ba))
+    return i, j
+
+
+def _guesses(
+    a: Proposals,
+    b: Proposals,
+    i: NDArray[np.int64],
+    j: NDArray[np.int64],
+    looks: Array,
+    config: ConstellationConfig,
+) -> Array:
+    """Relative poses (k, 3) x, y, heading from two candidates each, the more alike more often."""
+    if len(i) < 2:
+        return np.empty((0, 3))
+    draws = generator(0, "constellation", len(i))
+    share = 1 / (1 + np.exp(-looks))
+    share /= share.sum()
+    first, second = draws.choice(len(i), size=(2, config.guesses), p=share)
+    fair = (i[first] != i[second]) & (j[first] != j[second])
+    first, second = first[fair], second[fair]
+    from_a = a.xy_m[i[second]] - a.xy_m[i[first]]
+    from_b = b.xy_m[j[second]] - b.xy_m[j[first]]
+    long_a, long_b = np.hypot(*from_a.T), np.hypot(*from_b.T)
+    rough = 0.3 * (
+        a.range_m[i[first]] + a.range_m[i[second]] + b.range_m[j[first]] + b.range_m[j[second]]
+    ) / 2  # fmt: skip
+    fair = (np.abs(long_a - long_b) < rough + 2.0) & (np.minimum(long_a, long_b) > 1.0)
+    first, second, from_a, from_b = first[fair], second[fair], from_a[fair], from_b[fair]
+    heading = np.arctan2(from_a[:, 1], from_a[:, 0]) - np.arctan2(from_b[:, 1], from_b[:, 0])
+    middle_a = (a.xy_m[i[first]] + a.xy_m[i[second]]) / 2
+    middle_b = (b.xy_m[j[first]] + b.xy_m[j[second]]) / 2
+    shift = middle_a - _turned(middle_b, heading)
+    near = np.hypot(*shift.T) < config.reach_m
+    return np.column_stack([shift, heading])[near]
+
+
+def _support(
+    poses: Array,
+    places_a: Array,
+    places_b: Array,
+    shape_a: Array,
+    shape_b: Array,
+    looks: Array,
+    owner: NDArray[np.int64],
+    n: int,
+    config: ConstellationConfig,
+) -> Array:
+    """Log-likelihood ratio of each pose (k,): what A's proposals say of it, each heard once."""
+    place = _place(poses, places_a, places_b, shape_a, shape_b, config)
+    gain = np.logaddexp(0.0, np.minimum(looks, 4.0) + place)
+    order = np.argsort(owner, kind="stable")
+    starts = np.flatnonzero(np.r_[True, np.diff(owner[order]) > 0])
+    found: Array = np.maximum.reduceat(gain[:, order], starts, axis=1).sum(axis=1)
+    return found
+
+
+def _place(
+    poses: Array,
+    places_a: Array,
+    places_b: Array,
+    shape_a: Array,
+    shape_b: Array,
+    config: ConstellationConfig,
+) -> Array:
+    """Log of how much more likely two places are, under each pose (k,), for one thing than for two.
+
+    Places (..., 2) in their robots' frames with covariances (..., 2, 2): (k, ...).
+    """
+    dims = max(places_a.ndim, places_b.ndim) - 1
+    x, y, heading = poses.T.reshape(3, len(poses), *(1,) * dims)
+    c, s = np.cos(heading), np.sin(heading)
+    x = places_a[..., 0] - (c * places_b[..., 0] - s * places_b[..., 1]) - x
+    y = places_a[..., 1] - (s * places_b[..., 0] + c * places_b[..., 1]) - y
+    # the sum of A's covariance and B's turned one, written out: p q / q r
+    mean = (shape_b[..., 0, 0] + shape_b[..., 1, 1]) / 2
+    half, mixed = (shape_b[..., 0, 0] - shape_b[..., 1, 1]) / 2, shape_b[..., 0, 1]
+    turned = (c * c - s * s) * half - 2 * c * s * mixed
+    p = shape_a[..., 0, 0] + mean + turned
+    r = shape_a[..., 1, 1] + mean - turned
+    q = shape_a[..., 0, 1] + 2 * c * s * half + (c * c - s * s) * mixed
+    determinant = p * r - q * q
+    square = (r * x * x - 2 * q * x * y + p * y * y) / determinant
+    found: Array = np.log(config.area_m2 / (2 * np.pi)) - 0.5 * (np.log(determinant) + square)
+    return found.clip(-30.0, None)
+
+
+def _settle(
+    pose: Array,
+    a: Proposals,
+    b: Proposals,
+    shape_a: Array,
+    shape_b: Array,
+    i: NDArray[np.int64],
+    j: NDArray[np.int64],
+    looks: Array,
+    config: ConstellationConfig,
+) -> tuple[Array, Array]:
+    """The pose by least squares over the candidates that it makes likely, and its covariance."""
+    pose = pose.copy()
+    places_a, places_b = a.xy_m[i], b.xy_m[j]
+    normal = np.eye(3)
+    for _ in range(6):
+        place = _place(pose[None], places_a, places_b, shape_a[i], shape_b[j], config)[0]
+        weight = 1 / (1 + np.exp(-(np.minimum(looks, 4.0) + place)))
+        turn = _rotations(pose[2:])[0]
+        moved = places_b @ turn.T
+        apart = places_a - moved - pose[:2]
+        inverse = np.linalg.inv(shape_a[i] + turn @ shape_b[j] @ turn.T)
+        jacobian = np.zeros((len(i), 2, 3))
+        jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
+        jacobian[:, 0, 2], jacobian[:, 1, 2] = -moved[:, 1], moved[:, 0]
+        weighted = np.swapaxes(jacobian, 1, 2) @ inverse * weight[:, None, None]
+        normal = (weighted @ jacobian).sum(axis=0) + np.diag([1e-4, 1e-4, 1e-3])
+        pose += np.linalg.solve(normal, (weighted @ apart[..., None]).sum(axis=0)[:, 0])
+    return pose, np.asarray(np.linalg.inv(normal), dtype=float)
+
+
+def _distinct(poses: Array, support: Array, n: int) -> list[int]:
+    """The n best supported poses, none near a better one."""
+    chosen: list[int] = []
+    for k in np.argsort(-support, kind="stable")[: 40 * n]:
+        apart_m = [np.hypot(*(poses[k, :2] - poses[c, :2])) for c in chosen]
+        turned = [abs(float(wrap_angle_rad(poses[k, 2] - poses[c, 2]))) for c in chosen]
+        if all(m > 1.5 or t > 0.15 for m, t in zip(apart_m, turned, strict=True)):
+            chosen.append(int(k))
+        if len(chosen) == n:
+            break
+    return chosen
+
+
+def _covariances(found: Proposals, loosen: float) -> Array:
+    """How unsure the places are, robot's frame: (n, 2, 2)."""
+    along = np.stack([np.cos(found.bearing_rad), np.sin(found.bearing_rad)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    deep = (loosen * found.range_std * found.range_m) ** 2 + 0.1**2
+    wide = (loosen * found.bearing_std_rad * found.range_m) ** 2 + 0.1**2
+    return (
+        deep[:, None, None] * along[:, :, None] * along[:, None, :]
+        + wide[:, None, None] * across[:, :, None] * across[:, None, :]
+    )
+
+
+def _rotations(heading_rad: Array) -> Array:
+    c, s = np.cos(heading_rad), np.sin(heading_rad)
+    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], axis=-2)
+
+
+def _turned(places: Array, heading_rad: Array) -> Array:
+    """Places (k, 2), each turned by its own angle."""
+    return np.asarray((_rotations(heading_rad) @ places[..., None])[..., 0])

@@ -1,0 +1,153 @@
+"""The network: one pass over a panorama's picture, an answer for every cell.
+
+EfficientNet-Lite0 up to stride 16 (see ``backbone``), then back up to cells of 4 pixels. All
+convolutions go round: what is cut by the picture's edge is whole to the network. This module
+imports torch; import it only where a network is needed.
+"""
+
+from typing import Any
+
+import torch
+import torch.nn.functional as F
+from torch import Tensor, nn
+
+from vrchain.landmarks.backbone import MEAN_RGB, SPREAD_RGB, Backbone
+
+KINDS = (
+    "house", "shop", "barn", "tree", "bush", "hedge", "fence", "wall", "vehicle", "mailbox",
+    "lamp", "pole", "sign", "bin", "hydrant",
+)  # fmt: skip
+EMBEDDED = 64  # numbers that say what a landmark looks like
+# channels of each answer: is it a landmark; how well its box fits; log of cells to the box's left,
+# top, right and bottom; its middle: bearing from the cell (0.1 rad), log of range (10 m), and the
+# logs of how unsure each is; its kind; what it looks like
+ANSWERS = {
+    "landmark": 1, "fit": 1, "box": 4, "middle": 4, "kind": len(KINDS), "embedding": EMBEDDED,
+}  # fmt: skip
+# blocks: expansion, kernel, stride, channels out
+_BLOCKS = (
+    (1, 3, 1, 16),
+    (6, 3, 2, 24), (6, 3, 1, 24),
+    (6, 5, 2, 40), (6, 5, 1, 40),
+    (6, 3, 2, 80), (6, 3, 1, 80), (6, 3, 1, 80),
+    (6, 5, 1, 112), (6, 5, 1, 112), (6, 5, 1, 112),
+)  # fmt: skip
+_STRIDE_4, _STRIDE_8 = 2, 4  # the last block of each
+_WIDE, _FINE = 128, 64
+
+
+class Convolution(nn.Module):
+    """A convolution that goes round in azimuth; padding "same" as TensorFlow has it."""
+
+    def __init__(
+        self, into: int, out: int, kernel: int = 1, stride: int = 1, groups: int = 1
+    ) -> None:
+        super().__init__()
+        self.conv = nn.Conv2d(into, out, kernel, stride, groups=groups)
+        reach = kernel - stride
+        self.before, self.after = reach // 2, reach - reach // 2
+
+    def forward(self, x: Tensor) -> Tensor:
+        if self.before or self.after:
+            x = torch.cat([x[..., x.shape[-1] - self.before :], x, x[..., : self.after]], dim=-1)
+            x = F.pad(x, (0, 0, self.before, self.after))
+        found: Tensor = self.conv(x)
+        return found
+
+
+class Block(nn.Module):
+    """An inverted residual: expand, filter each channel, project; added to what came in."""
+
+    def __init__(self, into: int, expansion: int, kernel: int, stride: int, out: int) -> None:
+        super().__init__()
+        inner = into * expansion
+        self.expand = Convolution(into, inner) if expansion > 1 else None
+        self.filter = Convolution(inner, inner, kernel, stride, groups=inner)
+        self.project = Convolution(inner, out)
+
+    def forward(self, x: Tensor) -> Tensor:
+        inner = x if self.expand is None else F.relu6(self.expand(x))
+        out: Tensor = self.project(F.relu6(self.filter(inner)))
+        return out + x if out.shape == x.shape else out
+
+
+class Mix(nn.Module):
+    """Filter each channel over a neighbourhood, mix the channels; added to what came in."""
+
+    def __init__(self, channels: int, kernel: int = 5) -> None:
+        super().__init__()
+        self.filter = Convolution(channels, channels, kernel, groups=channels)
+        self.norm = nn.BatchNorm2d(channels)
+        self.widen = Convolution(channels, 2 * channels)
+        self.project = Convolution(2 * channels, channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        out: Tensor = self.project(F.relu(self.widen(self.norm(self.filter(x)))))
+        return x + out
+
+
+class Network(nn.Module):
+    """Pictures (n, 3, rows, columns), RGB 0..1, to answers a cell: see ``ANSWERS``."""
+
+    mean: Tensor
+    spread: Tensor
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.stem = Convolution(3, 32, 3, 2)
+        blocks, into = [], 32
+        for expansion, kernel, stride, out in _BLOCKS:
+            blocks.append(Block(into, expansion, kernel, stride, out))
+            into = out
+        self.blocks = nn.ModuleList(blocks)
+        self.coarse = Convolution(112, _WIDE)
+        # what surrounds a thing; coarser, not dilated, which torch 2.13 learns wrongly in bf16
+        self.around = nn.Sequential(Mix(_WIDE), Mix(_WIDE), Mix(_WIDE))
+        self.context = nn.Sequential(Mix(_WIDE), Mix(_WIDE))
+        self.middle_in, self.middle = Convolution(40, _WIDE), Mix(_WIDE)
+        self.down, self.fine_in = Convolution(_WIDE, _FINE), Convolution(24, _FINE)
+        self.fine = Convolution(_FINE, _FINE, 3)
+        self.answers = Convolution(_FINE, sum(ANSWERS.values()))
+        # looks need more to go by than places do, and are the same all over a thing
+        self.looks = nn.Sequential(Mix(_WIDE), nn.ReLU(), Convolution(_WIDE, EMBEDDED))
+        self.register_buffer("mean", torch.tensor(MEAN_RGB).view(3, 1, 1))
+        self.register_buffer("spread", torch.tensor(SPREAD_RGB).view(3, 1, 1))
+        # rows are slopes: how far away the ground is at each, the cameras' height being known
+        self.level = nn.Parameter(torch.zeros(1, _WIDE, 17, 1))
+
+    def forward(self, pictures: Tensor) -> dict[str, Tensor]:
+        with torch.no_grad():  # edges and textures are the same everywhere: not learned anew
+            x = F.relu6(self.stem((pictures - self.mean) / self.spread))
+            for block in self.blocks[: _STRIDE_4 + 1]:
+                x = block(x)
+            stride_4 = x
+            for block in self.blocks[_STRIDE_4 + 1 : _STRIDE_8 + 1]:
+                x = block(x)
+            stride_8 = x
+        for block in self.blocks[_STRIDE_8 + 1 :]:
+            x = block(x)
+        x = self.coarse(x) + self.level
+        around = _twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
+        wide = self.context(x + around[..., : x.shape[-2], : x.shape[-1]])
+        wide = self.middle(_twice(wide) + self.middle_in(stride_8))
+        fine = F.relu(_twice(self.down(wide)) + self.fine_in(stride_4))
+        found = self.answers(F.relu(self.fine(fine))).float()
+        answers = dict(zip(ANSWERS, found.split(list(ANSWERS.values()), dim=1), strict=True))
+        answers["embedding"] = answers["embedding"] + _twice(self.looks(wide)).float()
+        return answers
+
+    def take_over(self, backbone: Backbone) -> None:
+        """Begin from a backbone that has learned something else."""
+        own: list[tuple[Any, Any]] = [(self.stem, backbone.stem)]
+        for block, learned in zip(self.blocks, backbone.blocks, strict=True):
+            own += [(getattr(block, k), getattr(learned, k)) for k in ("filter", "project")]
+            if learned.expand is not None:
+                own.append((block.expand, learned.expand))
+        with torch.no_grad():
+            for mine, other in own:
+                mine.conv.weight.copy_(other.weight)
+                mine.conv.bias.copy_(other.bias)
+
+
+def _twice(x: Tensor) -> Tensor:
+    return F.interpolate(x, scale_factor=2.0, mode="nearest")

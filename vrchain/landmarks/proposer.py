@@ -1,0 +1,216 @@
+"""Proposals: what in a panorama may be a landmark, where it stands and what it looks like.
+
+The network answers for every cell. Cells whose answers agree on one box are one proposal; it is
+placed where they say, on the average, that the middle of their landmark is.
+"""
+
+from dataclasses import dataclass, fields
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.raster import (
+    cell_slopes,
+    picture_of,
+)
+from vrchain.panorama import CameraRig, Panorama
+
+if TYPE_CHECKING:
+    from vrchain.landmarks.network import Network
+
+Array = NDArray[np.float64]
+
+BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0  # the network's units of a landmark's middle
+_LEAST_SCORE = 0.2
+_LEAST_LANDMARK = 0.35  # probability from which a cell belongs to a landmark
+_SAME_BOX = 0.45  # intersection over union from which two boxes are one proposal
+_OWN_BOX = 0.3  # a cell whose own box overlaps less with each proposal belongs to none
+_LEAST_CELLS = 3
+_MOST = 160
+_LEAST_UNSURE_RAD = 0.004
+
+
+@dataclass(frozen=True, eq=False)
+class Proposals:
+    """Proposals of one panorama, surest first; angles in the robot's frame.
+
+    score: (n,) 0..1; box: (n, 4) bearing of its right and left edge, slope of its lower and upper
+    edge; the left edge may lie beyond pi; bearing_rad, range_m: (n,) the middle of the thing
+    itself on the map; bearing_std_rad, range_std: (n,) how unsure they are, the latter as a share
+    of the range; kind: (n,) index into ``network.KINDS``; embedding: (n, d) float32, unit vectors;
+    cell, owner: (m,) cells of the picture, flat, and the proposal that each belongs to.
+    """
+
+    score: Array
+    box: Array
+    bearing_rad: Array
+    range_m: Array
+    bearing_std_rad: Array
+    range_std: Array
+    kind: NDArray[np.int64]
+    embedding: NDArray[np.float32]
+    cell: NDArray[np.int64]
+    owner: NDArray[np.int64]
+
+    def __len__(self) -> int:
+        return len(self.score)
+
+    def take(self, index: ArrayLike) -> "Proposals":
+        """The proposals at ``index`` (integers), in that order."""
+        i = np.asarray(index, dtype=int)
+        place = np.full(len(self), -1)
+        place[i] = np.arange(len(i))
+        kept = place[self.owner] >= 0
+        own = {f.name: getattr(self, f.name)[i] for f in fields(self)[:-2]}
+        return Proposals(**own, cell=self.cell[kept], owner=place[self.owner[kept]])
+
+    @property
+    def xy_m(self) -> Array:
+        """Where the middles are, robot's frame: (n, 2)."""
+        return self.range_m[:, None] * np.stack(
+            [np.cos(self.bearing_rad), np.sin(self.bearing_rad)], axis=1
+        )
+
+
+def propose(panorama: Panorama, network: "Network") -> Proposals:
+    """What may be landmarks in a panorama."""
+    import torch
+
+    picture = torch.from_numpy(picture_of(panorama)).permute(2, 0, 1)[None]
+    network.eval()
+    with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16):
+        pixels = (picture.float() / 255).contiguous(memory_format=torch.channels_last)
+        answers = {k: a[0].numpy() for k, a in network(pixels).items()}
+    return from_answers(answers, panorama.rig)
+
+
+def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Proposals:
+    """Proposals from the network's answers, (channels, rows, columns) each."""
+    landmark, fit = _logistic(answers["landmark"][0]), _logistic(answers["fit"][0])
+    quality = landmark * fit
+    columns = landmark.shape[1]
+    peak_row, peak_column = row, column = np.nonzero(landmark > _LEAST_LANDMARK)
+    edge = np.exp(answers["box"][:, row, column].clip(-3, 7)).astype(float)
+    boxes = np.stack([column, row, column, row], axis=1) + edge.T * (-1, -1, 1, 1)
+    candidates = np.flatnonzero((quality >= _highest_around(quality))[row, column])
+    candidates = candidates[quality[row, column][candidates] > _LEAST_SCORE]
+    surest_first = np.argsort(-quality[row, column][candidates], kind="stable")
+    period = columns if rig.closed else None
+    chosen = _one_of_each(boxes, candidates[surest_first], period)
+    if len(chosen) == 0:
+        return nothing()
+    alike = overlaps(boxes, boxes[chosen], period)
+    owner = alike.argmax(axis=1)
+    own = alike.max(axis=1) >= _OWN_BOX
+    row, column, owner = row[own], column[own], owner[own]
+    n = len(chosen)
+    weight = landmark[row, column].astype(float)
+    total = np.maximum(np.bincount(owner, weight, n), 1e-9)
+
+    def mean_of(channels: NDArray[np.float32]) -> Array:
+        return np.stack([np.bincount(owner, weight * c, n) / total for c in channels], axis=1)
+
+    embedding = mean_of(answers["embedding"][:, row, column])
+    length = np.maximum(np.linalg.norm(embedding, axis=1, keepdims=True), 1e-9)
+    offset, log_range, *unsure = answers["middle"][:, row, column].astype(float)
+    # angles are averaged as turns from the box's middle, which may lie across the seam
+    half_turn_cells = columns * np.pi / rig.span_rad
+    left, top, right, bottom = boxes[chosen].T
+    across = column - ((left + right) / 2)[owner]
+    across = (across + half_turn_cells) % (2 * half_turn_cells) - half_turn_cells
+    step_rad = rig.span_rad / columns
+    bearing, bearing_std = _agreed(
+        offset * BEARING_UNIT_RAD - across * step_rad, unsure[0], owner, n
+    )
+    log_range, range_std = _agreed(log_range, unsure[1], owner, n)
+    middle = rig.span_rad / 2 - ((left + right) / 2 + 0.5) * step_rad
+    slopes = cell_slopes()
+    found = Proposals(
+        quality[peak_row[chosen], peak_column[chosen]].astype(float),
+        np.stack(
+            [
+                rig.span_rad / 2 - (right + 0.5) * step_rad,
+                rig.span_rad / 2 - (left + 0.5) * step_rad,
+                np.interp(bottom, np.arange(len(slopes)), slopes),
+                np.interp(top, np.arange(len(slopes)), slopes),
+            ],
+            axis=1,
+        ),
+        wrap_angle_rad(middle + bearing),
+        RANGE_UNIT_M * np.exp(log_range),
+        np.maximum(bearing_std * BEARING_UNIT_RAD, _LEAST_UNSURE_RAD),
+        range_std,
+        mean_of(answers["kind"][:, row, column]).argmax(axis=1),
+        (embedding / length).astype(np.float32),
+        row * columns + column,
+        owner,
+    )
+    large = np.bincount(owner, minlength=n) >= _LEAST_CELLS
+    return found.take(np.flatnonzero(large)[:_MOST])
+
+
+def nothing(dimensions: int = 64) -> Proposals:
+    """No proposals."""
+    none, whole = np.empty(0), np.empty(0, dtype=np.int64)
+    return Proposals(
+        none, np.empty((0, 4)), none, none, none, none, whole,
+        np.empty((0, dimensions), dtype=np.float32), whole, whole,
+    )  # fmt: skip
+
+
+def overlaps(a: Array, b: Array, period: int | None = None) -> Array:
+    """Intersection over union of boxes (n, 4) and (m, 4): left, top, right, bottom. (n, m).
+
+    ``period``: the columns of a full turn, where there is one.
+    """
+    middle_a, middle_b = ((x[:, 0] + x[:, 2]) / 2 for x in (a, b))
+    apart = middle_b[None, :] - middle_a[:, None]
+    if period is not None:
+        apart = (apart + period / 2) % period - period / 2
+    half_a, half_b = ((x[:, 2] - x[:, 0]) / 2 for x in (a, b))
+    width = np.minimum(half_a[:, None], apart + half_b) - np.maximum(
+        -half_a[:, None], apart - half_b
+    )
+    height = np.minimum(a[:, None, 3], b[:, 3]) - np.maximum(a[:, None, 1], b[:, 1])
+    common = width.clip(0) * height.clip(0)
+    area_a, area_b = ((x[:, 2] - x[:, 0]) * (x[:, 3] - x[:, 1]) for x in (a, b))
+    found: Array = common / (area_a[:, None] + area_b - common)
+    return found
+
+
+def _one_of_each(
+    boxes: Array, candidates: NDArray[np.int64], period: int | None
+) -> NDArray[np.int64]:
+    """Those candidates, surest first, that are not the same box as a surer one."""
+    alike = overlaps(boxes[candidates], boxes[candidates], period) > _SAME_BOX
+    left = np.ones(len(candidates), dtype=bool)
+    for i in range(len(candidates)):
+        if left[i]:
+            left[i + 1 :] &= ~alike[i, i + 1 :]
+    return candidates[left]
+
+
+def _agreed(
+    values: Array, log_unsure: Array, owner: NDArray[np.int64], n: int
+) -> tuple[Array, Array]:
+    """What the cells of each of n proposals agree on, the surer counting more; how unsure it is.
+
+    Neighbouring cells err alike: many of them are no surer than one.
+    """
+    weight = np.exp(-log_unsure.clip(-5, 3))
+    total = np.maximum(np.bincount(owner, weight, n), 1e-9)
+    mean = np.bincount(owner, weight * values, n) / total
+    count = np.bincount(owner, minlength=n)
+    return mean, np.sqrt(2) * count / total  # a Laplace distribution's deviation
+
+
+def _highest_around(values: NDArray[np.float32]) -> NDArray[np.float32]:
+    """The largest value of each cell's 3 x 3 neighbourhood."""
+    return np.asarray(cv2.dilate(values, np.ones((3, 3), dtype=np.uint8)), dtype=np.float32)
+
+
+def _logistic(x: NDArray[np.float32]) -> NDArray[np.float32]:
+    return np.asarray(1 / (1 + np.exp(-x)), dtype=np.float32)

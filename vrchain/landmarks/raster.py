@@ -1,0 +1,54 @@
+"""The picture that the network sees, and the directions of its cells.
+
+A panorama's cylinder at one scale whatever the rig, so that an angle is always as many pixels.
+"""
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.panorama import CameraRig, Panorama
+
+COLUMNS = 2160  # a full turn: 6 pixels a degree
+ROWS = 272
+CELL_PX = 4  # the network answers for every square of so many pixels
+PX_PER_RAD = COLUMNS / (2 * np.pi)
+_MULTIPLE = 16  # the network's coarsest stride
+
+
+def picture_of(panorama: Panorama) -> NDArray[np.uint8]:
+    """The cylinder at ``PX_PER_RAD``: (ROWS, columns, 3) uint8 RGB, its middle row the horizon.
+
+    What the rig does not see above and below repeats its outermost rows.
+    """
+    cylinder = panorama.cylinder
+    columns = columns_of(panorama.rig)
+    scale = PX_PER_RAD / panorama.rig.px_per_rad
+    rows = max(2, 2 * round(cylinder.shape[0] * scale / 2))
+    shrinks = scale < 1
+    small = cv2.resize(
+        cylinder, (columns, rows), interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR
+    )
+    missing = (ROWS - rows) // 2
+    if missing < 0:
+        small = small[-missing : rows + missing]
+    elif missing > 0:
+        small = np.pad(small, ((missing, missing), (0, 0), (0, 0)), mode="edge")
+    return np.ascontiguousarray(small, dtype=np.uint8)
+
+
+def columns_of(rig: CameraRig) -> int:
+    """Columns of a rig's picture."""
+    return max(1, round(rig.span_rad * PX_PER_RAD / _MULTIPLE)) * _MULTIPLE
+
+
+def cell_bearings_rad(rig: CameraRig) -> NDArray[np.float64]:
+    """Bearing of each column of cells, (columns / CELL_PX,)."""
+    n = columns_of(rig) // CELL_PX
+    return np.asarray(rig.span_rad / 2 - (np.arange(n) + 0.5) * rig.span_rad / n, dtype=float)
+
+
+def cell_slopes() -> NDArray[np.float64]:
+    """Slope (tangent of elevation) of each row of cells, (ROWS / CELL_PX,)."""
+    middle_px = (np.arange(ROWS // CELL_PX) + 0.5) * CELL_PX
+    return np.asarray((ROWS / 2 - middle_px) / PX_PER_RAD, dtype=float)

@@ -1,0 +1,165 @@
+"""A panorama's landmarks, extracted once and kept: its proposals and its keypoints.
+
+The bytes are canonical: the same panorama, weights and configuration give the same record.
+"""
+
+import hashlib
+import json
+import struct
+import zlib
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.errors import ImageError, SpecError
+from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.proposer import Proposals, propose
+from vrchain.landmarks.raster import CELL_PX, ROWS, cell_slopes, columns_of
+from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.weights import SHIPPED, load_network, weights_digest
+from vrchain.panorama import CameraRig, Panorama
+
+_MAGIC = b"VRLAND\x00\x01"
+_MAX_BYTES = 4_000_000
+_ANGLE = 2**15 / np.pi  # angles and slopes as 16-bit numbers
+_SLOPE = 2**13
+
+
+@dataclass(frozen=True)
+class RecordConfig:
+    """What of a panorama is kept."""
+
+    keypoints: int = 1200  # at most, the largest first: they are found again from farther away
+    outside: float = 0.25  # share of them kept for what lies in no proposal
+
+
+@dataclass(frozen=True, eq=False)
+class LandmarkRecord:
+    """What is known of one panorama's landmarks.
+
+    maker: digest of the weights and the configuration; records of another are not compared.
+    """
+
+    rig: CameraRig
+    maker: str
+    proposals: Proposals
+    features: Features
+
+
+def maker_of(weights: Path = SHIPPED, config: RecordConfig | None = None) -> str:
+    """The digest of weights and configuration, hexadecimal."""
+    known = {"weights": weights_digest(weights), **asdict(config or RecordConfig())}
+    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
+
+
+def examine(
+    panorama: Panorama, weights: Path = SHIPPED, config: RecordConfig | None = None
+) -> LandmarkRecord:
+    """Extract a panorama's landmarks. LearnedError without torch or the weights."""
+    config = config or RecordConfig()
+    proposals = propose(panorama, load_network(weights))
+    kept = _kept(extract(panorama), proposals, panorama.rig, config)
+    return LandmarkRecord(panorama.rig, maker_of(weights, config), proposals, kept)
+
+
+def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> NDArray[np.int64]:
+    """The proposal that each keypoint lies in, -1 for none: (n,)."""
+    columns = columns_of(record_rig) // CELL_PX
+    rows = ROWS // CELL_PX
+    grid = np.full(rows * columns, -1)
+    grid[proposals.cell] = proposals.owner
+    step = record_rig.span_rad / columns
+    column = np.floor((record_rig.span_rad / 2 - wrap_angle_rad(features.bearing_rad)) / step)
+    slopes = cell_slopes()
+    row = np.round((slopes[0] - features.slope) / (slopes[0] - slopes[1]))
+    inside = (row >= 0) & (row < rows)
+    place = row.clip(0, rows - 1).astype(int) * columns + column.astype(int) % columns
+    return np.where(inside, grid[place], -1)
+
+
+def _kept(found: Features, proposals: Proposals, rig: CameraRig, config: RecordConfig) -> Features:
+    inside = owners(rig, proposals, found) >= 0
+    largest_first = np.argsort(-found.size_rad, kind="stable")
+    outside = largest_first[~inside[largest_first]][: int(config.keypoints * config.outside)]
+    within = largest_first[inside[largest_first]][: config.keypoints - len(outside)]
+    return found.take(np.sort(np.concatenate([within, outside])))
+
+
+def encode_record(record: LandmarkRecord) -> bytes:
+    """The record as bytes."""
+    p, f = record.proposals, record.features
+    rows, columns = ROWS // CELL_PX, columns_of(record.rig) // CELL_PX
+    grid = np.full(rows * columns, 255, dtype=np.uint8)
+    grid[p.cell] = p.owner
+    arrays = [
+        np.column_stack([p.score, p.bearing_rad, p.range_m, p.bearing_std_rad, p.range_std, p.box])
+        .astype("<f4"),
+        p.kind.astype("<u1"),
+        np.round(p.embedding * 127).astype("<i1"),
+        grid,
+        np.round(wrap_angle_rad(f.bearing_rad) * _ANGLE).clip(-32768, 32767).astype("<i2"),
+        np.round(f.slope * _SLOPE).clip(-32768, 32767).astype("<i2"),
+        np.round(f.size_rad * _SLOPE).clip(0, 65535).astype("<u2"),
+        f.descriptors,
+    ]  # fmt: skip
+    header = {
+        "rig": asdict(record.rig),
+        "maker": record.maker,
+        "proposals": len(p),
+        "embedded": p.embedding.shape[1],
+        "keypoints": len(f),
+    }
+    table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
+    body = zlib.compress(b"".join(a.tobytes() for a in arrays), 6)
+    return b"".join([_MAGIC, struct.pack(">I", len(table)), table, body])
+
+
+def decode_record(blob: bytes) -> LandmarkRecord:
+    """The record in some bytes; ImageError if they are not exactly one."""
+    start = len(_MAGIC) + 4
+    if not blob.startswith(_MAGIC) or len(blob) < start:
+        raise ImageError("expected a landmark record, got other bytes")
+    end = start + struct.unpack(">I", blob[len(_MAGIC) : start])[0]
+    try:
+        header = json.loads(blob[start:end])
+        rig, maker = CameraRig(**header["rig"]), str(header["maker"])
+        n, d, k = (int(header[key]) for key in ("proposals", "embedded", "keypoints"))
+        cells = ROWS // CELL_PX * (columns_of(rig) // CELL_PX)
+        size = n * 9 * 4 + n + n * d + cells + k * (2 + 2 + 2 + 128)
+        if min(n, k) < 0 or n > 254 or not 0 < d <= 1024 or size > _MAX_BYTES:
+            raise ValueError(f"{n} proposals of {d} numbers, {k} keypoints")
+        unpacker = zlib.decompressobj()
+        body = unpacker.decompress(blob[end:], size + 1)
+        if len(body) != size or not unpacker.eof or unpacker.unused_data:
+            raise ValueError(f"expected {size} bytes, got others")
+    except (ValueError, KeyError, TypeError, OverflowError, SpecError, RecursionError,
+            zlib.error) as error:  # fmt: skip
+        raise ImageError(f"landmark record: unreadable ({error})") from error
+    place = 0
+
+    def read(kind: str, *shape: int) -> NDArray:
+        nonlocal place
+        count = int(np.prod(shape))
+        found = np.frombuffer(body, kind, count, place).reshape(shape)
+        place += found.nbytes
+        return found
+
+    numbers = read("<f4", n, 9).astype(float)
+    kinds, embedding = read("<u1", n).astype(np.int64), read("<i1", n, d).astype(np.float32)
+    grid = read("<u1", cells)
+    bearing, slope, size_rad = read("<i2", k), read("<i2", k), read("<u2", k)
+    descriptors = read("<u1", k, 128)
+    if not np.isfinite(numbers).all() or (grid[grid < 255] >= n).any():
+        raise ImageError("landmark record: expected finite numbers and owners that are there")
+    cell = np.flatnonzero(grid < 255)
+    length = np.maximum(np.linalg.norm(embedding, axis=1, keepdims=True), 1e-9)
+    proposals = Proposals(
+        numbers[:, 0], numbers[:, 5:], numbers[:, 1], numbers[:, 2], numbers[:, 3], numbers[:, 4],
+        kinds, embedding / length, cell, grid[cell].astype(np.int64),
+    )  # fmt: skip
+    features = Features(
+        bearing / _ANGLE, slope / _SLOPE, size_rad / _SLOPE, descriptors.astype(np.uint8)
+    )
+    return LandmarkRecord(rig, maker, proposals, features)

@@ -1,0 +1,1 @@
+"""Teaching the network that proposes landmarks: examples, what to answer, learning, weighing."""

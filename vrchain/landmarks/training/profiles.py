@@ -1,0 +1,53 @@
+"""A whole training: examples, learning, weighing; its weights and its record beside them."""
+
+import json
+import os
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+from vrchain.errors import LearnedError
+from vrchain.landmarks.calibration import to_json
+from vrchain.landmarks.training.calibrate import CalibrateConfig, calibrate
+from vrchain.landmarks.training.examples import ExampleConfig
+from vrchain.landmarks.training.learn import TrainConfig, learn
+from vrchain.landmarks.weights import save_weights
+
+
+@dataclass(frozen=True)
+class Profile:
+    """How long to learn, and on what to weigh the result."""
+
+    learning: TrainConfig
+    weighing: CalibrateConfig
+
+
+PROFILES = {
+    "quick": Profile(
+        TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=250), CalibrateConfig(suburbs=8)
+    ),
+    "full": Profile(TrainConfig(ExampleConfig(suburbs=90), steps=900), CalibrateConfig()),
+}
+
+
+def train(profile: str, weights: Path, folder: Path) -> None:
+    """Teach the network and write its weights, and beside them its record (``.json``).
+
+    The record: configuration with its seeds, curves and metrics by step, calibration. What is
+    needed to go on after a break is kept under ``folder``.
+    """
+    if profile not in PROFILES:
+        raise LearnedError(f"no profile {profile!r}: there are {', '.join(PROFILES)}")
+    weights.parent.mkdir(parents=True, exist_ok=True)
+    chosen = PROFILES[profile]
+    network, record = learn(chosen.learning, folder)
+    save_weights(network, weights)
+    known = {
+        "profile": profile,
+        "configuration": asdict(chosen),
+        "curves": record,
+        "calibration": to_json(calibrate(weights, chosen.weighing)),
+    }
+    beside = weights.with_suffix(".json")
+    scratch = beside.with_suffix(".part")
+    scratch.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
+    os.replace(scratch, beside)

@@ -1,0 +1,88 @@
+"""The network's weights: kept with the package, read without trusting the file.
+
+A file holds tensors and their names alone (``weights_only``: no code runs on reading), at half
+precision. Their digest goes into every landmark record, for only records of the same weights can
+be compared.
+"""
+
+import hashlib
+import io
+import os
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from vrchain.errors import LearnedError
+
+if TYPE_CHECKING:
+    from vrchain.landmarks.network import Network
+
+SHIPPED = Path(__file__).with_name("weights_full.pt")
+_FORMAT = 1
+_MAX_BYTES = 20_000_000
+_HOW = 'pip install "vrchain[learned]", as environment.md says'
+
+
+def save_weights(network: "Network", file: Path) -> None:
+    """Write the weights, whole or not at all; the same weights are the same bytes."""
+    import torch
+
+    state = {
+        name: t.half() if t.is_floating_point() else t for name, t in network.state_dict().items()
+    }
+    buffer = io.BytesIO()
+    torch.save({"format": _FORMAT, "weights": state}, buffer)
+    scratch = file.with_suffix(".part")
+    scratch.write_bytes(buffer.getvalue())
+    os.replace(scratch, file)
+
+
+def load_network(file: Path = SHIPPED) -> "Network":
+    """The network with its weights, ready to propose.
+
+    LearnedError where torch is not installed or the file holds no weights of this network.
+    """
+    return _load(file, weights_digest(file))
+
+
+def weights_digest(file: Path = SHIPPED) -> str:
+    """SHA-256 of a weights file, in hexadecimal."""
+    try:
+        if file.stat().st_size > _MAX_BYTES:
+            raise LearnedError(f"{file}: expected weights of at most {_MAX_BYTES} bytes")
+        return hashlib.sha256(file.read_bytes()).hexdigest()
+    except OSError as error:
+        raise LearnedError(
+            f"cannot read the weights {file} ({error.strerror}): make them by `vrchain train`"
+        ) from error
+
+
+@lru_cache(maxsize=2)
+def _load(file: Path, digest: str) -> "Network":
+    try:
+        import torch
+
+        from vrchain.landmarks.network import Network
+    except ImportError as error:
+        raise LearnedError(
+            f"proposals need torch, but {error.name} is not installed: {_HOW}"
+        ) from error
+    network = Network()
+    try:
+        stored = torch.load(file, map_location="cpu", weights_only=True)
+        if stored["format"] != _FORMAT:
+            raise LearnedError(
+                f"{file}: expected weights of format {_FORMAT}, got {stored['format']!r}: "
+                "make them anew by `vrchain train`"
+            )
+        network.load_state_dict(stored["weights"])
+        if not all(torch.isfinite(t).all() for t in network.state_dict().values()):
+            raise LearnedError(f"{file}: expected finite weights, got others: make them anew")
+    except LearnedError:
+        raise
+    except Exception as error:  # torch raises almost any kind for what is no weights file
+        raise LearnedError(
+            f"{file} holds no weights of this network ({type(error).__name__}): "
+            "make them by `vrchain train`"
+        ) from error
+    return network.to(memory_format=torch.channels_last).eval()  # type: ignore[call-overload]
