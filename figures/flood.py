@@ -14,7 +14,7 @@ from vrchain.plots.scripts import run_script
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
     """Measured when it is drawn, for longer in a larger profile."""
     seed, name = results.profile.seed, results.profile.name
-    config = FloodConfig(rounds={"smoke": 1, "paper": 20}.get(name, 5), seed=seed)
+    config = FloodConfig(rounds={"smoke": 1, "paper": 10}.get(name, 2), seed=seed)
     if name == "smoke":
         config = replace(config, robots=2, phase_s=0.5)
     measured = flood(config)

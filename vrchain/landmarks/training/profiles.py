@@ -25,7 +25,7 @@ PROFILES = {
     "quick": Profile(
         TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=250), CalibrateConfig(suburbs=8)
     ),
-    "full": Profile(TrainConfig(ExampleConfig(suburbs=90), steps=900), CalibrateConfig()),
+    "full": Profile(TrainConfig(ExampleConfig(suburbs=90), steps=1500), CalibrateConfig()),
 }
 
 
