@@ -79,7 +79,8 @@ def evaluate(
     if unknown:
         raise MissionError(f"no variant {', '.join(sorted(unknown))}: there are {', '.join(ROWS)}")
     rig = rig or CameraRig()
-    asked = [FORMAT, asdict(spec), list(spacing_m), list(variants), seed, asdict(rig), maker_of()]
+    maker = maker_of() if any(v.startswith("cnn") for v in variants) else None
+    asked = [FORMAT, asdict(spec), list(spacing_m), list(variants), seed, asdict(rig), maker]
     own = folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
     own.mkdir(parents=True, exist_ok=True)
     suburbs = -(-n_pairs // PAIRS_A_SUBURB)

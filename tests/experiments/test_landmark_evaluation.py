@@ -1,0 +1,103 @@
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from vrchain.errors import MissionError
+from vrchain.experiments.landmark_evaluation import as_table, evaluate, suburb_of, summarise
+from vrchain.scene.spec import SceneSpec
+
+
+def claim(suburb: int, pair: int, score: float, right: bool, **others: object) -> dict:
+    return {
+        "suburb": suburb, "pair": pair, "variant": "sift", "score": score, "right": right,
+        "shared": right, "twin": False, "duplicate": False, "quality_m": 1.0 if right else 9.0,
+        "support": 7, "object_a": "a", "object_b": "b", **others,
+    }  # fmt: skip
+
+
+def pair(suburb: int, number: int, co_visible: int, error_deg: float = 1.0) -> dict:
+    return {
+        "suburb": suburb, "pair": number, "variant": "sift", "spacing_m": 5.0,
+        "co_visible": co_visible, "ms": 10.0, "direction_error_deg": error_deg,
+        "heading_error_deg": error_deg,
+    }  # fmt: skip
+
+
+PAIRS = pd.DataFrame([pair(0, 0, 4), pair(0, 1, 0), pair(1, 0, 4, 180.0), pair(1, 1, 2)])
+CLAIMS = pd.DataFrame(
+    [
+        claim(0, 0, 0.9, True),
+        claim(0, 0, 0.8, True, shared=False),  # the same landmark, seen from its two sides
+        claim(0, 0, 0.7, True, duplicate=True),
+        claim(0, 1, 0.6, False),
+        claim(1, 0, 0.9, False, twin=True),
+        claim(1, 0, 0.8, True),
+        claim(1, 1, 0.3, True),  # below the threshold
+    ]
+)
+
+
+def test_figures_are_what_the_definitions_say() -> None:
+    found = summarise(CLAIMS, PAIRS)["sift"]
+    assert (found["n_pairs"], found["pairs_without_common"]) == (4, 1)
+    assert found["pair_success"] == pytest.approx(1 / 3)  # wrong at its surest, or none, is not
+    assert found["precision"] == pytest.approx(3 / 5)  # the duplicate counts for nothing
+    assert found["recall"] == pytest.approx(2 / 10)
+    assert found["false_claim_rate"] == 1.0
+    assert (found["twin_claims"], found["duplicates"]) == (1, 1)
+    assert found["quality_m_median"] == 1.0
+    assert found["direction_error_deg"] == 1.0
+    assert found["direction_error_deg_answered"] == pytest.approx(2 / 3)
+    for name in ("pair_success", "precision", "recall"):
+        low, high = found[f"{name}_ci"]
+        assert 0 <= low <= found[name] <= high <= 1
+
+
+def test_recall_at_a_precision_is_that_of_the_best_threshold() -> None:
+    """In order of score: right, wrong, right (not shared), right, wrong, right."""
+    found = summarise(CLAIMS, PAIRS)["sift"]["recall_at_precision"]
+    assert found == {"0.90": pytest.approx(0.1), "0.95": pytest.approx(0.1), "0.98": 0.1}
+    none = summarise(CLAIMS.assign(right=False), PAIRS)["sift"]["recall_at_precision"]
+    assert set(none.values()) == {None}
+
+
+def test_no_claims_at_all() -> None:
+    found = summarise(CLAIMS.iloc[:0], PAIRS)["sift"]
+    assert (found["pair_success"], found["precision"], found["recall"]) == (0.0, None, 0.0)
+    assert found["false_claim_rate"] == 0.0 and found["calibration_error"] is None
+    assert "sift" in as_table({"sift": found}).to_string()
+
+
+@pytest.mark.parametrize(
+    ("pairs", "spacing_m", "variants", "message"),
+    [
+        (0, (1.0, 2.0), ["sift"], "1 pair or more"),
+        (1, (3.0, 2.0), ["sift"], "MIN <= MAX"),
+        (1, (0.0, 2.0), ["sift"], "0 < MIN"),
+        (1, (1.0, 2.0), ["orb"], "no variant orb: there are sift"),
+    ],
+)
+def test_bad_requests(
+    tmp_path: Path, pairs: int, spacing_m: tuple, variants: list, message: str
+) -> None:
+    with pytest.raises(MissionError, match=message):
+        evaluate(SceneSpec(), pairs, spacing_m, variants, seed=3000, folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_suburbs_of_a_seed() -> None:
+    seeds = {suburb_of(SceneSpec(), seed, k).seed for seed in (3000, 3001) for k in range(20)}
+    assert len(seeds) == 40
+    assert suburb_of(SceneSpec(), 3000, 7) == suburb_of(SceneSpec(), 3000, 7)
+
+
+@pytest.mark.slow
+def test_a_second_run_reads_what_the_first_found(tmp_path: Path) -> None:
+    first, again = (
+        evaluate(SceneSpec(), 3, (2.0, 8.0), ["sift"], seed=3000, folder=tmp_path) for _ in range(2)
+    )
+    for a, b in zip(first, again, strict=True):
+        pd.testing.assert_frame_equal(a, b)
+    summary = summarise(*first)["sift"]
+    assert summary["n_pairs"] == 3 and 0 < summary["recall"] <= 1
