@@ -46,7 +46,7 @@ class Poison:
 def test_a_poisoned_file_runs_nothing(tmp_path: Path) -> None:
     mark = tmp_path / "poisoned"
     torch.save({"format": 1, "weights": Poison(mark)}, tmp_path / "w.pt")
-    (tmp_path / "p.pt").write_bytes(pickle.dumps(Poison(mark)))
+    (tmp_path / "p.pt").write_bytes(pickle.dumps(Poison(mark), protocol=2))
     for name in ("w.pt", "p.pt"):
         with pytest.raises(LearnedError, match="holds no weights of this network"):
             load_network(tmp_path / name)
