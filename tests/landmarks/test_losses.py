@@ -1,6 +1,7 @@
 """What the network is asked for is what the proposer takes from it."""
 
 from dataclasses import replace
+from typing import Any
 
 import answers
 import numpy as np
@@ -13,6 +14,7 @@ torch = pytest.importorskip("torch", reason="learned features need torch (extra 
 from vrchain.landmarks.training.losses import (  # noqa: E402
     box_overlap,
     contrastive,
+    landmark_embeddings,
     losses,
     target_of,
 )
@@ -43,10 +45,14 @@ def said(mirrored: bool = False, looks: np.ndarray = LOOKS) -> dict:
     return stacked
 
 
+def losses_of(found: dict, targets: list, strangers: Any = NOBODY) -> dict:
+    return losses(found, targets, landmark_embeddings(found, targets), strangers)
+
+
 @pytest.mark.parametrize("mirrored", [False, True])
 def test_a_network_that_is_never_wrong_has_nothing_to_learn(mirrored: bool) -> None:
     targets = [target_of(examples(), i, mirrored) for i in range(2)]
-    found = losses(said(mirrored), targets, NOBODY)
+    found = losses_of(said(mirrored), targets)
     assert found["landmark"] < 1e-3 and found["box"] < 1e-5 and found["embedding"] < 0.05
     for target, answer in zip(targets, said(mirrored)["middle"], strict=True):
         own = answer.flatten(1)[:2, target.cell].T
@@ -56,18 +62,18 @@ def test_a_network_that_is_never_wrong_has_nothing_to_learn(mirrored: bool) -> N
 @pytest.mark.parametrize("part", ["landmark", "box", "middle", "kind", "embedding"])
 def test_every_mistake_costs(part: str) -> None:
     targets = [target_of(examples(), i) for i in range(2)]
-    right = losses(said(), targets, NOBODY)
+    right = losses_of(said(), targets)
     wrong = said()
     wrong[part] = wrong[part].roll(40, dims=-1) if part != "kind" else -wrong[part]
-    found = losses(wrong, targets, NOBODY)
+    found = losses_of(wrong, targets)
     assert found[part] > right[part] + 0.1 and found["total"] > right["total"]
 
 
 def test_to_be_like_a_stranger_costs() -> None:
     targets = [target_of(examples(), i) for i in range(2)]
-    alone = losses(said(), targets, NOBODY)["embedding"]
+    alone = losses_of(said(), targets)["embedding"]
     strangers = torch.from_numpy(LOOKS[:3].astype(np.float32))
-    assert losses(said(), targets, strangers)["embedding"] > alone + 0.1
+    assert losses_of(said(), targets, strangers)["embedding"] > alone + 0.1
 
 
 def test_landmarks_of_one_panorama_alone_teach_nothing_of_looks() -> None:
@@ -88,5 +94,5 @@ def test_a_view_without_landmarks_is_an_example_too() -> None:
     bare = replace(bare, cells=np.full_like(bare.cells, -1))
     target = target_of(bare, 0)
     assert len(target.ids) == len(target.cell) == 0
-    found = losses(said(), [target, target_of(bare, 1)], NOBODY)
+    found = losses_of(said(), [target, target_of(bare, 1)])
     assert torch.isfinite(found["total"]) and found["landmark"] > 0.1

@@ -225,21 +225,25 @@ def test_a_robot_gets_everywhere(suburb: Scene) -> None:
     assert suburb.clearance_m([(10.0, 0.0)])[0] > 1.0
 
 
+def printed_by_a_fresh_process(code: str) -> str:
+    """What ``code`` prints, which finds this folder's modules, with hashes of another seed."""
+    done = subprocess.run(
+        [sys.executable, "-c", f"import sys; sys.path.insert(0, sys.argv[1]);{code}",
+         str(Path(__file__).parent)],
+        capture_output=True,
+        text=True,
+        env={**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT)},
+        check=True,
+    )  # fmt: skip
+    return done.stdout
+
+
 def test_one_seed_gives_the_same_bytes_in_a_fresh_process(suburb: Scene) -> None:
     code = (
-        "import sys; sys.path.insert(0, sys.argv[1]);"
         "from test_suburb import SUBURB, digest; from vrchain.scene import load_scene;"
         "print(digest(load_scene(SUBURB)))"
     )
-    environment = {**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(Path(__file__).parent)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=True,
-    )
-    assert done.stdout.strip() == digest(suburb)
+    assert printed_by_a_fresh_process(code).strip() == digest(suburb)
 
 
 SMALL = {
@@ -276,20 +280,11 @@ def test_light_and_season_change_colours_and_nothing_else() -> None:
 
 def test_every_light_and_season_is_the_same_in_a_fresh_process() -> None:
     code = (
-        "import sys; sys.path.insert(0, sys.argv[1]);"
         "from test_suburb import digest, small;"
         "print(digest(small('evening', 'autumn')), digest(small('overcast', 'winter')))"
     )
-    environment = {**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-c", code, str(Path(__file__).parent)],
-        capture_output=True,
-        text=True,
-        env=environment,
-        check=True,
-    )
     here = digest(small("evening", "autumn")), digest(small("overcast", "winter"))
-    assert tuple(done.stdout.split()) == here
+    assert tuple(printed_by_a_fresh_process(code).split()) == here
 
 
 def test_another_seed_gives_another_suburb(suburb: Scene) -> None:

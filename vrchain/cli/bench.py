@@ -2,11 +2,14 @@
 
 import json
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
 from vrchain.paths import BUILD, SCENES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed and distinctiveness.")
 
@@ -31,7 +34,7 @@ def render(
 
     table = bench_render(spec, positions, seed=seed)
     if as_json:
-        print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
+        print(_json(rows=table))
         return
     print(table.round(2).to_string(index=False, na_rep="-"))
 
@@ -63,7 +66,7 @@ def distinct(
     found = experiment.distinctiveness(scene, spacings_m, pairs, seed=seed, layer=layer)
     table = experiment.summarise(found, seed=seed)
     if as_json:
-        print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
+        print(_json(rows=table))
         return
     print(table.round(3).to_string(index=False, na_rep="-"))
 
@@ -84,7 +87,7 @@ def codec(
 
     table = experiment.summarise(experiment.codec_pairs(spec, pairs, seed=seed), seed=seed)
     if as_json:
-        print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
+        print(_json(rows=table))
         return
     print(table.round(3).to_string(index=False, na_rep="-"))
 
@@ -109,8 +112,7 @@ def planner(
     table = bench_planner(tasks, seed=seed)
     blocked = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
     if as_json:
-        tables = {"rows": table, "blocked": blocked}
-        print(json.dumps({k: json.loads(t.to_json(orient="records")) for k, t in tables.items()}))
+        print(_json(rows=table, blocked=blocked))
         return
     print(table.round(2).to_string(index=False, na_rep="-"))
     index = ["rule", "p", "method", "published"]
@@ -144,8 +146,7 @@ def flood(
     measured = experiment.flood(config, kind or experiment.CONDITIONS)
     table, floods = experiment.summarise(measured, seed=seed), experiment.outcomes(measured)
     if as_json:
-        tables = {"rows": table, "floods": floods}
-        print(json.dumps({n: json.loads(t.to_json(orient="records")) for n, t in tables.items()}))
+        print(_json(rows=table, floods=floods))
         return
     print(table.round(2).to_string(index=False, na_rep="-"))
     print()
@@ -177,7 +178,11 @@ def ledger(
         positions or experiment.POSITIONS, folder, seed=seed, rounds=rounds
     )
     if as_json:
-        tables = {"rows": bench.rows, "sizes": bench.sizes}
-        print(json.dumps({k: json.loads(t.to_json(orient="records")) for k, t in tables.items()}))
+        print(_json(rows=bench.rows, sizes=bench.sizes))
         return
     print(experiment.as_text(bench))
+
+
+def _json(**tables: "pd.DataFrame") -> str:
+    """One object, a list of rows by a table's name; what does not apply is null."""
+    return json.dumps({k: json.loads(t.to_json(orient="records")) for k, t in tables.items()})

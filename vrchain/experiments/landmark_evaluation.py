@@ -6,7 +6,6 @@ come, so that a run broken off goes on with the next.
 
 import hashlib
 import json
-import os
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import combinations
@@ -20,6 +19,7 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.landmarks import draw_pairs
+from vrchain.files import write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.calibration import expected_calibration_error
 from vrchain.landmarks.common import (
@@ -31,10 +31,10 @@ from vrchain.landmarks.common import (
     support_score,
 )
 from vrchain.landmarks.epipolar import estimate
+from vrchain.landmarks.joint import JointConfig, compare_joint
 from vrchain.landmarks.quality import co_visible, judge
 from vrchain.landmarks.record import LandmarkRecord, examine, maker_of
 from vrchain.landmarks.sift import Features, extract, mutual_matches
-from vrchain.landmarks.variants import matchers
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
 from vrchain.scene import build_scene
@@ -82,16 +82,13 @@ def evaluate(
     maker = maker_of() if any(v.startswith("cnn") for v in variants) else None
     asked = [FORMAT, asdict(spec), list(spacing_m), list(variants), seed, asdict(rig), maker]
     own = folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
-    own.mkdir(parents=True, exist_ok=True)
     suburbs = -(-n_pairs // PAIRS_A_SUBURB)
     claims, pairs = [], []
     for k in tqdm(range(suburbs), desc="suburbs", unit="", disable=None):
         file = own / f"suburb_{k:04d}.json"
         if not file.exists():
             found = _suburb(suburb_of(spec, seed, k), spacing_m, variants, seed, k, rig)
-            scratch = file.with_suffix(".part")
-            scratch.write_text(json.dumps(found))
-            os.replace(scratch, file)
+            write_file(file, json.dumps(found).encode())
         stored = json.loads(file.read_text())
         claims += [{"suburb": k, **row} for row in stored["claims"]]
         pairs += [{"suburb": k, **row} for row in stored["pairs"]]
@@ -192,7 +189,8 @@ def _compare(variant: str, a: _Look, b: _Look, rig: CameraRig) -> Comparison:
     if variant == "sift":
         return compare(a.whole, b.whole, rig, MatchConfig(min_score=LEAST_SCORE))
     assert a.record is not None and b.record is not None
-    return matchers(LEAST_SCORE)[variant](a.record, b.record)
+    config = JointConfig(sift=variant == "cnn+sift", min_score=LEAST_SCORE)
+    return compare_joint(a.record, b.record, config)
 
 
 def strangers(

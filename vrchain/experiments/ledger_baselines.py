@@ -14,8 +14,7 @@ import sqlite3
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
-from types import TracebackType
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 from cryptography.hazmat.primitives.asymmetric.ed25519 import Ed25519PrivateKey, Ed25519PublicKey
 
@@ -23,6 +22,7 @@ from vrchain.errors import LedgerError
 from vrchain.ledger import OPERATOR, Entry, SigningKey, Transaction
 from vrchain.ledger.blobs import BlobStore
 from vrchain.ledger.chain import Chain, Lap
+from vrchain.ledger.closing import Closing
 from vrchain.ledger.database import connect, insert_entry
 from vrchain.ledger.folder import create_folder
 from vrchain.ledger.store import BLOBS_NAME
@@ -63,7 +63,7 @@ class Cryptography:
         self._public.verify(self._signature, self._message)
 
 
-class Disk:
+class Disk(Closing):
     """The limits of any durable update: a bare SQLite commit, a bare file. Use ``with``.
 
     ``rows`` stand in its one table, each a record of ``record_bytes``, keyed by number.
@@ -103,15 +103,8 @@ class Disk:
         query = "SELECT record FROM bare WHERE number = ?"
         return self._db.execute(query, (self._rows,)).fetchone()
 
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def close(self) -> None:
+        """Let go of the table."""
         self._db.close()
 
 

@@ -65,20 +65,13 @@ def join(
     if len(poses) == 0:
         return None
     shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
-    support = _support(
-        poses, a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j], i, len(a), config
-    )
-    best: tuple[float, Array, Array] | None = None
-    for k in _distinct(poses, support, config.kept):
-        pose, covariance = _settle(poses[k], a, b, shape_a, shape_b, i, j, looks[i, j], config)
-        evidence = float(
-            _support(pose[None], a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j], i,
-                     len(a), config)[0]
-        )  # fmt: skip
-        if best is None or evidence > best[0]:
-            best = evidence, pose, covariance
-    assert best is not None
-    evidence, pose, covariance = best
+    own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
+    support = _support(poses, *own, i, config)
+    kept = _distinct(poses, support, config.kept)
+    settled = [_settle(poses[k], *own, config) for k in kept]
+    support = _support(np.stack([pose for pose, _ in settled]), *own, i, config)
+    best = int(support.argmax())
+    evidence, (pose, covariance) = float(support[best]), settled[best]
     place = _place(
         pose[None], a.xy_m[:, None], b.xy_m[None], shape_a[:, None], shape_b[None], config
     )[0]
@@ -140,7 +133,6 @@ def _support(
     shape_b: Array,
     looks: Array,
     owner: NDArray[np.int64],
-    n: int,
     config: ConstellationConfig,
 ) -> Array:
     """Log-likelihood ratio of each pose (k,): what A's proposals say of it, each heard once."""
@@ -184,27 +176,24 @@ def _place(
 
 def _settle(
     pose: Array,
-    a: Proposals,
-    b: Proposals,
+    places_a: Array,
+    places_b: Array,
     shape_a: Array,
     shape_b: Array,
-    i: NDArray[np.int64],
-    j: NDArray[np.int64],
     looks: Array,
     config: ConstellationConfig,
 ) -> tuple[Array, Array]:
     """The pose by least squares over the candidates that it makes likely, and its covariance."""
     pose = pose.copy()
-    places_a, places_b = a.xy_m[i], b.xy_m[j]
     normal = np.eye(3)
     for _ in range(6):
-        place = _place(pose[None], places_a, places_b, shape_a[i], shape_b[j], config)[0]
+        place = _place(pose[None], places_a, places_b, shape_a, shape_b, config)[0]
         weight = 1 / (1 + np.exp(-(np.minimum(looks, 4.0) + place)))
         turn = _rotations(pose[2:])[0]
         moved = places_b @ turn.T
         apart = places_a - moved - pose[:2]
-        inverse = np.linalg.inv(shape_a[i] + turn @ shape_b[j] @ turn.T)
-        jacobian = np.zeros((len(i), 2, 3))
+        inverse = np.linalg.inv(shape_a + turn @ shape_b @ turn.T)
+        jacobian = np.zeros((len(looks), 2, 3))
         jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
         jacobian[:, 0, 2], jacobian[:, 1, 2] = -moved[:, 1], moved[:, 0]
         weighted = np.swapaxes(jacobian, 1, 2) @ inverse * weight[:, None, None]

@@ -108,8 +108,17 @@ class Network(nn.Module):
         self.down, self.fine_in = Convolution(_WIDE, _FINE), Convolution(24, _FINE)
         self.fine = Convolution(_FINE, _FINE, 3)
         self.answers = Convolution(_FINE, sum(ANSWERS.values()))
-        # looks need more to go by than places do, and are the same all over a thing
-        self.looks = nn.Sequential(Mix(_WIDE), nn.ReLU(), Convolution(_WIDE, EMBEDDED))
+        # What the backbone sees tells landmarks apart before anything is learned, once what all of
+        # them have in common is taken away: so embeddings begin there.
+        self.looks = nn.ModuleList(
+            nn.Sequential(nn.BatchNorm2d(channels), nn.Conv2d(channels, EMBEDDED, 1, bias=False))
+            for channels in (24, 40, 112)
+        )
+        for _, mix in self.looks:
+            nn.init.orthogonal_(mix.weight)
+        with torch.no_grad():
+            self.answers.conv.weight[-EMBEDDED:] = 0.0
+        self.centre = nn.BatchNorm1d(EMBEDDED, affine=False)  # of embeddings, landmark by landmark
         self.register_buffer("mean", torch.tensor(MEAN_RGB).view(3, 1, 1))
         self.register_buffer("spread", torch.tensor(SPREAD_RGB).view(3, 1, 1))
         # rows are slopes: how far away the ground is at each, the cameras' height being known
@@ -126,6 +135,7 @@ class Network(nn.Module):
             stride_8 = x
         for block in self.blocks[_STRIDE_8 + 1 :]:
             x = block(x)
+        looks = [look(seen) for look, seen in zip(self.looks, (stride_4, stride_8, x), strict=True)]
         x = self.coarse(x) + self.level
         around = _twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
         wide = self.context(x + around[..., : x.shape[-2], : x.shape[-1]])
@@ -133,7 +143,10 @@ class Network(nn.Module):
         fine = F.relu(_twice(self.down(wide)) + self.fine_in(stride_4))
         found = self.answers(F.relu(self.fine(fine))).float()
         answers = dict(zip(ANSWERS, found.split(list(ANSWERS.values()), dim=1), strict=True))
-        answers["embedding"] = answers["embedding"] + _twice(self.looks(wide)).float()
+        embedding = answers["embedding"] + looks[0] + _twice(looks[1] + _twice(looks[2]))
+        if not self.training:  # while it learns, ``centre`` is applied to whole landmarks
+            embedding = self.centre(embedding.flatten(2)).view_as(embedding)
+        answers["embedding"] = embedding
         return answers
 
     def take_over(self, backbone: Backbone) -> None:

@@ -7,12 +7,12 @@ be compared.
 
 import hashlib
 import io
-import os
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vrchain.errors import LearnedError
+from vrchain.files import write_file
 
 if TYPE_CHECKING:
     from vrchain.landmarks.network import Network
@@ -32,9 +32,7 @@ def save_weights(network: "Network", file: Path) -> None:
     }
     buffer = io.BytesIO()
     torch.save({"format": _FORMAT, "weights": state}, buffer)
-    scratch = file.with_suffix(".part")
-    scratch.write_bytes(buffer.getvalue())
-    os.replace(scratch, file)
+    write_file(file, buffer.getvalue())
 
 
 def load_network(file: Path = SHIPPED) -> "Network":
@@ -48,13 +46,20 @@ def load_network(file: Path = SHIPPED) -> "Network":
 def weights_digest(file: Path = SHIPPED) -> str:
     """SHA-256 of a weights file, in hexadecimal."""
     try:
-        if file.stat().st_size > _MAX_BYTES:
+        found = file.stat()
+        if found.st_size > _MAX_BYTES:
             raise LearnedError(f"{file}: expected weights of at most {_MAX_BYTES} bytes")
-        return hashlib.sha256(file.read_bytes()).hexdigest()
+        return _digest(file, found.st_mtime_ns, found.st_size)
     except OSError as error:
         raise LearnedError(
             f"cannot read the weights {file} ({error.strerror}): make them by `vrchain train`"
         ) from error
+
+
+@lru_cache(maxsize=2)
+def _digest(file: Path, changed_ns: int, size: int) -> str:
+    """Of the file as it was last changed: every panorama asks for it, twice."""
+    return hashlib.sha256(file.read_bytes()).hexdigest()
 
 
 @lru_cache(maxsize=2)

@@ -22,11 +22,11 @@ import socket
 import time
 from collections import Counter
 from collections.abc import Callable
-from types import TracebackType
-from typing import NamedTuple, Self
+from typing import NamedTuple
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.admission import Admission
+from vrchain.ledger.closing import Closing
 from vrchain.ledger.encoding import NO_DIGEST, digest
 from vrchain.ledger.errors import EncodingError, InputLimitError, PeerError, WireError
 from vrchain.ledger.keys import SigningKey
@@ -73,7 +73,7 @@ def answer_of(frames: list[bytes]) -> Answer:
     return Answer(transaction_id, b"", said[1:].decode(errors="replace"))
 
 
-class Gate:
+class Gate(Closing):
     """Takes transactions from senders that connect to ``listener`` into ``ledger``.
 
     ``author`` makes the blocks and signs them with ``key``. ``clock`` is the ledger's, which
@@ -130,17 +130,6 @@ class Gate:
         for sender in list(self._senders.values()):
             self._end(sender)
         self._selector.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     def _select(self, wait_s: float, now_ns: int) -> dict[socket.socket, int]:
         """The sockets that something can be done with now, and what."""

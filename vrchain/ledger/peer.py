@@ -11,12 +11,11 @@ import socket
 import subprocess
 import sys
 from collections.abc import Sequence
-from types import TracebackType
-from typing import Self
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.block import Block, Entry, Record, decode_record
 from vrchain.ledger.chain import Chain
+from vrchain.ledger.closing import Closing
 from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES, MAX_RECORD_BYTES, digest
 from vrchain.ledger.errors import (
     EncodingError,
@@ -37,7 +36,7 @@ _ACCEPTED, _REFUSED = b"=", b"!"
 _RUN = "import sys; from vrchain.ledger.peer import serve; serve(int(sys.argv[1]))"
 
 
-class PeerProcess:
+class PeerProcess(Closing):
     """A child process with its own replica, which begins with the ledger's first entry.
 
     Send it every later block in turn. Use ``with``: leaving ends the child.
@@ -87,17 +86,6 @@ class PeerProcess:
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
 
 def serve(handle: int) -> None:

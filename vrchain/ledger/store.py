@@ -6,12 +6,12 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
-from types import TracebackType
 from typing import Self
 
 from vrchain.ledger.blobs import BlobStore
 from vrchain.ledger.block import Block, Entry, Record
 from vrchain.ledger.chain import Chain, Lap, genesis_entry
+from vrchain.ledger.closing import Closing
 from vrchain.ledger.database import (
     all_records,
     checked_record,
@@ -43,7 +43,7 @@ from vrchain.ledger.validity import State
 BLOBS_NAME = "blobs"
 
 
-class Ledger:
+class Ledger(Closing):
     """One process's handle on a ledger's folder, for one thread. Close it, or use ``with``.
 
     Any number of processes may read and write; writers take turns. What ``head`` and
@@ -99,17 +99,6 @@ class Ledger:
     def close(self) -> None:
         """Let go of the folder; closing twice does no harm."""
         self._db.close()
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
-        self.close()
 
     @property
     def genesis(self) -> Genesis:

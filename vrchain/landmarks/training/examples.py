@@ -6,7 +6,6 @@ One file a suburb, written whole; a run that was broken off goes on with the nex
 import hashlib
 import io
 import json
-import os
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -18,6 +17,7 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from vrchain.errors import LearnedError, SpecError
+from vrchain.files import write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.raster import cell_bearings_rad, cell_slopes, picture_of
 from vrchain.panorama import CameraRig
@@ -74,7 +74,6 @@ def make_examples(config: ExampleConfig, folder: Path) -> list[Path]:
     if not 0 <= config.seed < 1000:
         raise LearnedError(f"training seeds lie in 0..999, got {config.seed}")
     own = folder / config_digest(config)
-    own.mkdir(parents=True, exist_ok=True)
     files = [own / f"suburb_{k:04d}.npz" for k in range(config.suburbs)]
     missing = [k for k, file in enumerate(files) if not file.exists()]
     for k in tqdm(missing, desc="suburbs to learn from", unit="", disable=None):
@@ -156,9 +155,7 @@ def _write(file: Path, examples: Examples) -> None:
         kinds=examples.kinds,
         models=examples.models,
     )
-    scratch = file.with_suffix(".part")
-    scratch.write_bytes(buffer.getvalue())
-    os.replace(scratch, file)
+    write_file(file, buffer.getvalue())
 
 
 def _look_around(scene: Scene, config: ExampleConfig, k: int) -> Examples:

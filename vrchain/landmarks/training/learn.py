@@ -7,9 +7,9 @@ now and then: a checkpoint, from which a run that was broken off goes on, and he
 import contextlib
 import ctypes
 import hashlib
+import io
 import json
 import math
-import os
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
@@ -23,8 +23,10 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm.auto import tqdm
 
+from vrchain.files import write_file
 from vrchain.landmarks.backbone import load_backbone
-from vrchain.landmarks.network import Network
+from vrchain.landmarks.network import EMBEDDED, Network
+from vrchain.landmarks.proposer import BEARING_UNIT_RAD
 from vrchain.landmarks.training.examples import (
     ExampleConfig,
     Examples,
@@ -56,7 +58,7 @@ class TrainConfig:
     decay: float = 1e-3  # of weights, a step, as a share of the rate
     strangers: int = 1024  # landmarks of earlier groups that are told apart from the present ones
     checkpoint_steps: int = 50
-    metrics_steps: int = 250
+    metrics_steps: int = 100
     seed: int = 0  # of every random choice
 
 
@@ -82,10 +84,10 @@ def learn(config: TrainConfig, folder: Path) -> tuple[Network, list[dict[str, An
         for pictures, targets in batch:
             with torch.autocast("cpu", dtype=torch.bfloat16):
                 answers = network(pictures)
-            parts = losses(answers, targets, strangers)
+            embedded = landmark_embeddings(answers, targets, network.centre)
+            parts = losses(answers, targets, embedded, strangers)
             (parts["total"] / len(batch)).backward()
-            seen = landmark_embeddings(answers, targets)[0].detach()
-            strangers = torch.cat([seen, strangers])[: config.strangers]
+            strangers = torch.cat([embedded[0].detach(), strangers])[: config.strangers]
             for name, value in parts.items():
                 running[name] = 0.98 * running.get(name, value.item()) + 0.02 * value.item()
         torch.nn.utils.clip_grad_norm_(network.parameters(), 20.0, error_if_nonfinite=True)
@@ -99,8 +101,9 @@ def learn(config: TrainConfig, folder: Path) -> tuple[Network, list[dict[str, An
         if done % config.checkpoint_steps == 0 or done == config.steps:
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(),
                      "step": done, "record": record, "strangers": strangers}  # fmt: skip
-            torch.save(state, checkpoint.with_suffix(".part"))
-            os.replace(checkpoint.with_suffix(".part"), checkpoint)
+            buffer = io.BytesIO()
+            torch.save(state, buffer)
+            write_file(checkpoint, buffer.getvalue())
     return network, record
 
 
@@ -141,7 +144,7 @@ def _rates(config: TrainConfig, step: int) -> tuple[float, float]:
 def _resume(
     checkpoint: Path, network: Network, optimiser: torch.optim.AdamW
 ) -> tuple[int, list[dict[str, Any]], Tensor]:
-    strangers = torch.zeros(0, 64)
+    strangers = torch.zeros(0, EMBEDDED)
     with contextlib.suppress(FileNotFoundError):
         state = torch.load(checkpoint, weights_only=True)
         network.load_state_dict(state["network"])
@@ -231,7 +234,7 @@ def metrics(network: Network, held_out: list[Examples]) -> dict[str, float]:
                 true[target.cell] = True
                 both, either = both + int((said & true).sum()), either + int((said | true).sum())
                 middle = answers["middle"][i].flatten(1)[:2, target.cell].T - target.middle
-                bearing_off.append(middle[:, 0].abs().numpy() * 0.1)
+                bearing_off.append(middle[:, 0].abs().numpy() * BEARING_UNIT_RAD)
                 range_off.append(np.expm1(np.abs(middle[:, 1].numpy())))
     network.train()
     return {

@@ -11,23 +11,25 @@ import numpy as np
 import torch
 import torch.nn.functional as F
 from numpy.typing import NDArray
-from torch import Tensor
+from torch import Tensor, nn
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.network import KINDS
+from vrchain.landmarks.proposer import BEARING_UNIT_RAD, RANGE_UNIT_M
 from vrchain.landmarks.training.examples import Examples
 
-BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0
 _LEAST_RANGE_M = 0.5
 _TEMPERATURE = 0.07
 _WEIGHTS = {
-    "landmark": 3.0, "fit": 0.3, "box": 1.0, "middle": 0.5, "kind": 0.3, "embedding": 2.0,
+    "landmark": 3.0, "fit": 0.3, "box": 1.0, "middle": 0.5, "kind": 0.3, "embedding": 1.0,
 }  # fmt: skip
+
+Embedded = tuple[Tensor, Tensor, Tensor]
 
 
 @dataclass(frozen=True, eq=False)
 class Target:
-    """What to answer for one panorama of (rows, columns) cells, of which (m,) show landmarks.
+    """What to answer for one panorama's cells, of which (m,) show landmarks.
 
     cell: (m,) flat index; owner: (m,) place of its landmark in ``ids``; ids: (k,) object ids;
     box: (m, 4) cells to the left, top, right and bottom edge of what is seen of the landmark;
@@ -35,7 +37,6 @@ class Target:
     weight: (m,) so that small landmarks count.
     """
 
-    shape: tuple[int, int]
     cell: Tensor
     owner: Tensor
     ids: NDArray[np.int64]
@@ -50,14 +51,13 @@ def target_of(examples: Examples, index: int, mirrored: bool = False) -> Target:
     cells = examples.cells[index]
     row, column = np.nonzero(cells >= 0)
     ids, owner = np.unique(cells[row, column], return_inverse=True)
-    n_rows, n_columns = cells.shape
+    n_columns = cells.shape[1]
     turn = 2 * np.pi / n_columns
     area = np.bincount(owner, minlength=len(ids))
     angle = column * turn
     towards = np.bincount(owner, np.sin(angle)), np.bincount(owner, np.cos(angle))
-    around = (
-        wrap_angle_rad(angle - np.arctan2(*towards)[owner]) / turn
-    )  # from the landmark's middle
+    middle_of = np.arctan2(*towards)[owner]
+    around = wrap_angle_rad(angle - middle_of) / turn
     left, right, top, bottom = (np.full(len(ids), edge) for edge in (np.inf, -np.inf) * 2)
     np.minimum.at(left, owner, around)
     np.maximum.at(right, owner, around)
@@ -80,7 +80,6 @@ def target_of(examples: Examples, index: int, mirrored: bool = False) -> Target:
     number = {kind: i for i, kind in enumerate(KINDS)}
     kind = np.array([number[k] for k in examples.kinds[ids]], dtype=np.int64)
     return Target(
-        (n_rows, n_columns),
         torch.from_numpy(row * n_columns + column),
         torch.from_numpy(owner),
         ids,
@@ -92,11 +91,12 @@ def target_of(examples: Examples, index: int, mirrored: bool = False) -> Target:
 
 
 def losses(
-    answers: dict[str, Tensor], targets: list[Target], strangers: Tensor
+    answers: dict[str, Tensor], targets: list[Target], embedded: Embedded, strangers: Tensor
 ) -> dict[str, Tensor]:
     """The parts of the loss of panoramas of one group, and ``total``.
 
-    strangers: (n, embedded) unit embeddings of landmarks elsewhere, alike to none of these.
+    embedded: what ``landmark_embeddings`` finds. strangers: (n, embedded) unit embeddings of
+    landmarks elsewhere, alike to none of these.
     """
     parts: dict[str, list[Tensor]] = {name: [] for name in _WEIGHTS if name != "embedding"}
     for i, target in enumerate(targets):
@@ -122,7 +122,7 @@ def losses(
         kind = F.cross_entropy(seen["kind"], target.kind, reduction="none")
         parts["kind"].append((kind * share).sum())
     found = {name: torch.stack(values).mean() for name, values in parts.items()}
-    found["embedding"] = contrastive(*landmark_embeddings(answers, targets), strangers)
+    found["embedding"] = contrastive(*embedded, strangers)
     found["total"] = torch.stack([w * found[name] for name, w in _WEIGHTS.items()]).sum()
     return found
 
@@ -136,17 +136,23 @@ def box_overlap(a: Tensor, b: Tensor) -> Tensor:
 
 
 def landmark_embeddings(
-    answers: dict[str, Tensor], targets: list[Target]
-) -> tuple[Tensor, Tensor, Tensor]:
-    """Of each landmark of each panorama: unit embedding (n, embedded), object id, panorama."""
+    answers: dict[str, Tensor], targets: list[Target], centre: nn.Module | None = None
+) -> Embedded:
+    """Of each landmark of each panorama: unit embedding (n, embedded), object id, panorama.
+
+    centre: takes away what all landmarks have in common, where the network did not.
+    """
     found, ids, panorama = [], [], []
     for i, target in enumerate(targets):
         seen = answers["embedding"][i].flatten(1)[:, target.cell].T
         mean = torch.zeros(len(target.ids), seen.shape[1]).index_add(0, target.owner, seen)
-        found.append(F.normalize(mean, dim=1))
+        found.append(mean / torch.bincount(target.owner, minlength=len(target.ids))[:, None])
         ids.append(torch.from_numpy(target.ids.astype(np.int64)))
         panorama.append(torch.full((len(target.ids),), i))
-    return torch.cat(found), torch.cat(ids), torch.cat(panorama)
+    together = torch.cat(found)
+    if centre is not None:
+        together = centre(together)
+    return F.normalize(together, dim=1), torch.cat(ids), torch.cat(panorama)
 
 
 def contrastive(embedding: Tensor, ids: Tensor, panorama: Tensor, strangers: Tensor) -> Tensor:

@@ -1,11 +1,11 @@
 """A whole training: examples, learning, weighing; its weights and its record beside them."""
 
 import json
-import os
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from vrchain.errors import LearnedError
+from vrchain.files import write_file
 from vrchain.landmarks.calibration import to_json
 from vrchain.landmarks.training.calibrate import CalibrateConfig, calibrate
 from vrchain.landmarks.training.examples import ExampleConfig
@@ -25,7 +25,7 @@ PROFILES = {
     "quick": Profile(
         TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=250), CalibrateConfig(suburbs=8)
     ),
-    "full": Profile(TrainConfig(ExampleConfig(suburbs=90), steps=1500), CalibrateConfig()),
+    "full": Profile(TrainConfig(ExampleConfig(suburbs=90), steps=1200), CalibrateConfig()),
 }
 
 
@@ -37,7 +37,6 @@ def train(profile: str, weights: Path, folder: Path) -> None:
     """
     if profile not in PROFILES:
         raise LearnedError(f"no profile {profile!r}: there are {', '.join(PROFILES)}")
-    weights.parent.mkdir(parents=True, exist_ok=True)
     chosen = PROFILES[profile]
     network, record = learn(chosen.learning, folder)
     save_weights(network, weights)
@@ -47,7 +46,5 @@ def train(profile: str, weights: Path, folder: Path) -> None:
         "curves": record,
         "calibration": to_json(calibrate(weights, chosen.weighing)),
     }
-    beside = weights.with_suffix(".json")
-    scratch = beside.with_suffix(".part")
-    scratch.write_text(json.dumps(known, indent=1, sort_keys=True) + "\n", encoding="utf-8")
-    os.replace(scratch, beside)
+    text = json.dumps(known, indent=1, sort_keys=True) + "\n"
+    write_file(weights.with_suffix(".json"), text.encode())
