@@ -4,7 +4,9 @@ import pandas as pd
 import pytest
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmark_evaluation import as_table, evaluate, suburb_of, summarise
+from vrchain.experiments.landmark_evaluation import evaluate, row
+from vrchain.experiments.landmark_scores import as_table, summarise
+from vrchain.experiments.scenes import suburbs
 from vrchain.scene.spec import SceneSpec
 
 
@@ -70,32 +72,24 @@ def test_no_claims_at_all() -> None:
 
 
 @pytest.mark.parametrize(
-    ("pairs", "spacing_m", "variants", "message"),
+    ("pairs", "spacing_m", "message"),
     [
-        (0, (1.0, 2.0), ["sift"], "1 pair or more"),
-        (1, (3.0, 2.0), ["sift"], "MIN <= MAX"),
-        (1, (0.0, 2.0), ["sift"], "0 < MIN"),
-        (1, (1.0, 2.0), ["orb"], "no variant orb: there are sift"),
+        (0, (1.0, 2.0), "1 pair or more"),
+        (1, (3.0, 2.0), "MIN <= MAX"),
+        (1, (0.0, 2.0), "0 < MIN"),
     ],
 )
-def test_bad_requests(
-    tmp_path: Path, pairs: int, spacing_m: tuple, variants: list, message: str
-) -> None:
+def test_bad_requests(tmp_path: Path, pairs: int, spacing_m: tuple, message: str) -> None:
     with pytest.raises(MissionError, match=message):
-        evaluate(SceneSpec(), pairs, spacing_m, variants, seed=3000, folder=tmp_path)
+        evaluate(suburbs(SceneSpec()), pairs, spacing_m, [row("sift")], seed=3000, folder=tmp_path)
     assert list(tmp_path.iterdir()) == []
-
-
-def test_suburbs_of_a_seed() -> None:
-    seeds = {suburb_of(SceneSpec(), seed, k).seed for seed in (3000, 3001) for k in range(20)}
-    assert len(seeds) == 40
-    assert suburb_of(SceneSpec(), 3000, 7) == suburb_of(SceneSpec(), 3000, 7)
 
 
 @pytest.mark.slow
 def test_a_second_run_reads_what_the_first_found(tmp_path: Path) -> None:
     first, again = (
-        evaluate(SceneSpec(), 3, (2.0, 8.0), ["sift"], seed=3000, folder=tmp_path) for _ in range(2)
+        evaluate(suburbs(SceneSpec()), 3, (2.0, 8.0), [row("sift")], seed=3000, folder=tmp_path)
+        for _ in range(2)
     )
     for a, b in zip(first, again, strict=True):
         pd.testing.assert_frame_equal(a, b)

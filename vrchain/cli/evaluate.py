@@ -45,7 +45,8 @@ def landmarks(
     Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
     from vrchain.experiments import landmark_evaluation as evaluation
-    from vrchain.scene import load_spec
+    from vrchain.experiments.landmark_scores import as_table, summarise
+    from vrchain.experiments.scenes import scenes_of
 
     if seed < FIRST_SEED and not allow_training_seeds:
         raise MissionError(
@@ -53,11 +54,11 @@ def landmarks(
             "or --allow-training-seeds"
         )
     found = evaluation.evaluate(
-        load_spec(spec), pairs, spacing, variant or evaluation.ROWS, seed=seed,
-        folder=output or BUILD / "evaluate" / "landmarks",
+        scenes_of(spec), pairs, spacing, [evaluation.row(v) for v in variant or evaluation.ROWS],
+        seed=seed, folder=output or BUILD / "evaluate" / "landmarks",
     )  # fmt: skip
-    summary = evaluation.summarise(*found)
+    summary = summarise(*found)
     if as_json:
         print(json.dumps(summary))
         return
-    print(evaluation.as_table(summary).to_string())
+    print(as_table(summary).to_string())

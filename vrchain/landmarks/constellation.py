@@ -75,13 +75,25 @@ def join(
     place = _place(
         pose[None], a.xy_m[:, None], b.xy_m[None], shape_a[:, None], shape_b[None], config
     )[0]
-    gain = np.maximum(looks + place, -1.0)
-    rows, columns = linear_sum_assignment(-gain)
-    joined = gain[rows, columns] > 0
-    pairs = np.stack([rows, columns], axis=1)[joined]
     return Constellation(
-        pose[:2], float(wrap_angle_rad(pose[2])), covariance, evidence, looks, place, pairs
+        pose[:2], float(wrap_angle_rad(pose[2])), covariance, evidence, looks, place,
+        _one_to_one(looks + place),
+    )  # fmt: skip
+
+
+def by_looks(looks: Array) -> Constellation:
+    """Proposals joined without regard to where they stand; the pose is unknown (NaN)."""
+    nowhere, unsure = np.full(2, np.nan), np.full((3, 3), np.nan)
+    return Constellation(
+        nowhere, np.nan, unsure, 0.0, looks, np.zeros_like(looks), _one_to_one(looks)
     )
+
+
+def _one_to_one(gain: Array) -> NDArray[np.int64]:
+    """The pairs (m, 2), each proposal in one at most, that together gain most; all of them gain."""
+    gain = np.maximum(gain, -1.0)
+    rows, columns = linear_sum_assignment(-gain)
+    return np.stack([rows, columns], axis=1)[gain[rows, columns] > 0]
 
 
 def _candidates(looks: Array, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, view_box
-from vrchain.landmarks.constellation import Constellation, ConstellationConfig, join
+from vrchain.landmarks.constellation import Constellation, ConstellationConfig, by_looks, join
 from vrchain.landmarks.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
@@ -33,6 +33,8 @@ class JointConfig:
     """How claims are made of joined proposals."""
 
     sift: bool = True  # whether keypoints take part
+    embedding: bool = True  # whether looks do; without, by places alone
+    geometry: bool = True  # whether places do; without, by looks alone
     ratio: float = 0.85  # nearest over second nearest descriptor distance, within a pair
     joined: float = -2.0  # log-odds from which a pair's keypoints are matched
     agree_rad: float = 0.2  # keypoints sharpen a relative pose; they do not overthrow it
@@ -40,6 +42,12 @@ class JointConfig:
     min_support: int = 5  # matched keypoints from which they, not the region, are the support
     min_score: float = 0.5  # claims below this are not made
     constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
+
+    @property
+    def name(self) -> str:
+        """What tables call it."""
+        left_out = [part for part in ("embedding", "geometry") if not getattr(self, part)]
+        return ", no ".join(["cnn+sift" if self.sift else "cnn", *left_out])
 
 
 def compare_joint(
@@ -54,7 +62,7 @@ def compare_joint(
     found = candidates(a, b, config, calibration)
     if found is None:
         return Comparison((), None)
-    worth = calibration.claims["cnn+sift" if config.sift else "cnn"]
+    worth = calibration.claims[config.name]
     claims = [
         claim(a, b, found, k, float(score), config)
         for k, score in enumerate(worth.probability(found.features))
@@ -65,25 +73,33 @@ def compare_joint(
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints."""
+    """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints.
+
+    geometry: the relative pose; None where places took no part.
+    """
 
     pairs: NDArray[np.int64]
     features: Array
     support: tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]
-    geometry: PlanarGeometry
-    constellation: Constellation
+    geometry: PlanarGeometry | None
 
 
 def candidates(
     a: LandmarkRecord, b: LandmarkRecord, config: JointConfig, calibration: Calibration
 ) -> Candidates | None:
     """What may be claimed of two panoramas, before it is scored; None: nothing."""
-    alike = (a.proposals.embedding @ b.proposals.embedding.T).astype(float)
-    looks = calibration.alike_scale * (alike - calibration.alike_even)
-    joined = join(a.proposals, b.proposals, looks, config.constellation)
+    looks = np.zeros((len(a.proposals), len(b.proposals)))
+    if config.embedding:
+        alike = (a.proposals.embedding @ b.proposals.embedding.T).astype(float)
+        looks = calibration.alike_scale * (alike - calibration.alike_even)
+    joined = (
+        join(a.proposals, b.proposals, looks, config.constellation)
+        if config.geometry
+        else by_looks(looks)
+    )
     if joined is None or len(joined.pairs) == 0:
         return None
-    geometry = _geometry_of(joined, a.rig)
+    geometry = _geometry_of(joined, a.rig) if config.geometry else None
     pairs = joined.pairs
     none = np.empty(0, dtype=np.int64)
     support = [(none, none)] * len(pairs)
@@ -107,7 +123,7 @@ def candidates(
             np.full(len(pairs), np.log1p(len(pairs))),
         ]
     )
-    return Candidates(pairs, features, tuple(support), geometry, joined)
+    return Candidates(pairs, features, tuple(support), geometry)
 
 
 def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:
@@ -128,9 +144,9 @@ def _sharpened(
     a: LandmarkRecord,
     b: LandmarkRecord,
     joined: Constellation,
-    rough: PlanarGeometry,
+    rough: PlanarGeometry | None,
     config: JointConfig,
-) -> tuple[PlanarGeometry, list[tuple[NDArray[np.int64], NDArray[np.int64]]]]:
+) -> tuple[PlanarGeometry | None, list[tuple[NDArray[np.int64], NDArray[np.int64]]]]:
     """The relative pose by keypoints of joined proposals, where they agree; and their matches."""
     owner_a, owner_b = (owners(r.rig, r.proposals, r.features) for r in (a, b))
     matched_a, matched_b, pair = [], [], []
@@ -142,6 +158,8 @@ def _sharpened(
         matched_a.append(own_a[ia])
         matched_b.append(own_b[ib])
         pair.append(np.full(len(ia), number))
+    if rough is None:
+        return None, list(zip(matched_a, matched_b, strict=True))
     ia, ib, owner = (np.concatenate(x).astype(int) for x in (matched_a, matched_b, pair))
     fa, fb = a.features.take(ia), b.features.take(ib)
     exact = estimate(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, config.min_inliers)
@@ -184,7 +202,7 @@ def claim(
         region_of(b.proposals, int(j), b.rig),
         support_a,
         support_b,
-        found.geometry.ranges(*bearings),
+        found.geometry.ranges(*bearings) if found.geometry else None,
         mask_of(a.proposals, int(i), a.rig),
         mask_of(b.proposals, int(j), b.rig),
     )

@@ -110,12 +110,7 @@ class Network(nn.Module):
         self.answers = Convolution(_FINE, sum(ANSWERS.values()))
         # What the backbone sees tells landmarks apart before anything is learned, once what all of
         # them have in common is taken away: so embeddings begin there.
-        self.looks = nn.ModuleList(
-            nn.Sequential(nn.BatchNorm2d(channels), nn.Conv2d(channels, EMBEDDED, 1, bias=False))
-            for channels in (24, 40, 112)
-        )
-        for _, mix in self.looks:
-            nn.init.orthogonal_(mix.weight)
+        self.looks = nn.ModuleList(_look(channels) for channels in (24, 40, 112))
         with torch.no_grad():
             self.answers.conv.weight[-EMBEDDED:] = 0.0
         self.centre = nn.BatchNorm1d(EMBEDDED, affine=False)  # of embeddings, landmark by landmark
@@ -160,6 +155,12 @@ class Network(nn.Module):
             for mine, other in own:
                 mine.conv.weight.copy_(other.weight)
                 mine.conv.bias.copy_(other.bias)
+
+
+def _look(channels: int) -> nn.Module:
+    mix = nn.Conv2d(channels, EMBEDDED, 1, bias=False)
+    nn.init.orthogonal_(mix.weight)
+    return nn.Sequential(nn.BatchNorm2d(channels), mix)
 
 
 def _twice(x: Tensor) -> Tensor:

@@ -31,6 +31,7 @@ _OWN_BOX = 0.3  # a cell whose own box overlaps less with each proposal belongs 
 _LEAST_CELLS = 3
 _MOST = 160
 _LEAST_UNSURE_RAD = 0.004
+_SIGNS = np.array([-1, -1, 1, 1], dtype=np.float32)  # of a box's edges, from a cell within
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,8 +94,8 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     quality = landmark * fit
     columns = landmark.shape[1]
     peak_row, peak_column = row, column = np.nonzero(landmark > _LEAST_LANDMARK)
-    edge = np.exp(answers["box"][:, row, column].clip(-3, 7)).astype(float)
-    boxes = np.stack([column, row, column, row], axis=1) + edge.T * (-1, -1, 1, 1)
+    edge = np.exp(answers["box"][:, row, column].clip(-3, 7)) * _SIGNS[:, None]
+    boxes = (edge + np.stack([column, row, column, row])).T.astype(np.float32)
     candidates = np.flatnonzero((quality >= _highest_around(quality))[row, column])
     candidates = candidates[quality[row, column][candidates] > _LEAST_SCORE]
     surest_first = np.argsort(-quality[row, column][candidates], kind="stable")
@@ -102,9 +103,8 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     chosen = _one_of_each(boxes, candidates[surest_first], period)
     if len(chosen) == 0:
         return nothing()
-    alike = overlaps(boxes, boxes[chosen], period)
-    owner = alike.argmax(axis=1)
-    own = alike.max(axis=1) >= _OWN_BOX
+    alike, owner = _most_like(boxes, boxes[chosen], period)
+    own = alike >= _OWN_BOX
     row, column, owner = row[own], column[own], owner[own]
     n = len(chosen)
     weight = landmark[row, column].astype(float)
@@ -118,7 +118,7 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     offset, log_range, *unsure = answers["middle"][:, row, column].astype(float)
     # angles are averaged as turns from the box's middle, which may lie across the seam
     half_turn_cells = columns * np.pi / rig.span_rad
-    left, top, right, bottom = boxes[chosen].T
+    left, top, right, bottom = boxes[chosen].T.astype(float)
     across = column - ((left + right) / 2)[owner]
     across = (across + half_turn_cells) % (2 * half_turn_cells) - half_turn_cells
     step_rad = rig.span_rad / columns
@@ -161,7 +161,9 @@ def nothing(dimensions: int = 64) -> Proposals:
     )  # fmt: skip
 
 
-def overlaps(a: Array, b: Array, period: int | None = None) -> Array:
+def overlaps(
+    a: NDArray[np.floating], b: NDArray[np.floating], period: int | None = None
+) -> NDArray[np.floating]:
     """Intersection over union of boxes (n, 4) and (m, 4): left, top, right, bottom. (n, m).
 
     ``period``: the columns of a full turn, where there is one.
@@ -177,20 +179,37 @@ def overlaps(a: Array, b: Array, period: int | None = None) -> Array:
     height = np.minimum(a[:, None, 3], b[:, 3]) - np.maximum(a[:, None, 1], b[:, 1])
     common = width.clip(0) * height.clip(0)
     area_a, area_b = ((x[:, 2] - x[:, 0]) * (x[:, 3] - x[:, 1]) for x in (a, b))
-    found: Array = common / (area_a[:, None] + area_b - common)
+    found: NDArray[np.floating] = common / (area_a[:, None] + area_b - common)
     return found
 
 
 def _one_of_each(
-    boxes: Array, candidates: NDArray[np.int64], period: int | None
+    boxes: NDArray[np.float32], candidates: NDArray[np.int64], period: int | None
 ) -> NDArray[np.int64]:
     """Those candidates, surest first, that are not the same box as a surer one."""
-    alike = overlaps(boxes[candidates], boxes[candidates], period) > _SAME_BOX
-    left = np.ones(len(candidates), dtype=bool)
-    for i in range(len(candidates)):
-        if left[i]:
-            left[i + 1 :] &= ~alike[i, i + 1 :]
-    return candidates[left]
+    chosen = []
+    while len(candidates):
+        surest, candidates = candidates[0], candidates[1:]
+        chosen.append(surest)
+        alike = overlaps(boxes[[surest]], boxes[candidates], period)[0]
+        candidates = candidates[alike <= _SAME_BOX]
+    return np.array(chosen, dtype=np.int64)
+
+
+def _most_like(
+    boxes: NDArray[np.float32], chosen: NDArray[np.float32], period: int | None
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """How much each box overlaps with the chosen one most like it, and which that is: (n,), (n,).
+
+    A few hundred at a time: what stays in the processor's cache is several times faster.
+    """
+    alike, which = np.empty(len(boxes), dtype=np.float32), np.empty(len(boxes), dtype=np.int64)
+    for start in range(0, len(boxes), 256):
+        part = slice(start, start + 256)
+        found = overlaps(boxes[part], chosen, period)
+        which[part] = found.argmax(axis=1)
+        alike[part] = found.max(axis=1)
+    return alike, which
 
 
 def _agreed(

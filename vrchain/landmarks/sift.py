@@ -73,13 +73,27 @@ def extract(panorama: Panorama) -> Features:
     )
 
 
+def root(descriptors: NDArray[np.uint8]) -> NDArray[np.float32]:
+    """Descriptors whose distance is Hellinger's: few large numbers count less (RootSIFT).
+
+    Arandjelovic and Zisserman, "Three things everyone should know to improve object retrieval",
+    2012.
+    """
+    wide = descriptors.astype(np.float32)
+    return np.asarray(np.sqrt(wide / np.maximum(wide.sum(axis=1, keepdims=True), 1.0)), np.float32)
+
+
 def mutual_matches(
-    a: NDArray[np.uint8], b: NDArray[np.uint8], ratio: float = 0.8
+    a: NDArray[np.uint8] | NDArray[np.float32],
+    b: NDArray[np.uint8] | NDArray[np.float32],
+    ratio: float = 0.8,
+    either: bool = False,
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices (m,), (m,) of descriptors that are each other's nearest and pass the ratio test.
 
-    The ratio test (nearest over second nearest distance) is asked in both directions. Distances
-    are exact: whole numbers below 2**24 in float32.
+    The ratio test (nearest over second nearest distance) is asked in both directions, or, with
+    ``either``, in one of them. Distances of uint8 descriptors are exact: whole numbers below 2**24
+    in float32.
     """
     if min(len(a), len(b)) < 2:
         return np.empty(0, dtype=int), np.empty(0, dtype=int)
@@ -100,7 +114,8 @@ def mutual_matches(
         best_a[better], first_a[better] = index[better] + start, first[better]
     clear_a = first_a < ratio**2 * second_a
     index_a = np.arange(len(a))
-    mutual = clear_b & clear_a[nearest_b] & (best_a[nearest_b] == index_a)
+    clear = clear_b | clear_a[nearest_b] if either else clear_b & clear_a[nearest_b]
+    mutual = clear & (best_a[nearest_b] == index_a)
     return index_a[mutual], nearest_b[mutual]
 
 

@@ -26,6 +26,10 @@ from vrchain.truth import GroundTruth
 
 Array = NDArray[np.float64]
 
+WEIGHED = (
+    JointConfig(sift=False), JointConfig(), JointConfig(embedding=False),
+    JointConfig(geometry=False),
+)  # fmt: skip
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000
 
@@ -64,10 +68,9 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
     rough = Calibration(scale, even, {})
     elsewhere = list(zip(strangers[:-2], strangers[2:], strict=True))
     claims = {}
-    for variant, sift in (("cnn", False), ("cnn+sift", True)):
+    for joint in WEIGHED:
         features, right = [], []
-        joint = JointConfig(sift=sift)
-        for truth, a, b in tqdm(pairs, desc=variant, unit="", disable=None):
+        for truth, a, b in tqdm(pairs, desc=joint.name, unit="", disable=None):
             seen = candidates(a.record, b.record, joint, rough)
             if seen is None:
                 continue
@@ -83,7 +86,7 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
             if seen is not None:
                 features.append(seen.features)
                 right += [False] * len(seen.pairs)
-        claims[variant] = fit(np.concatenate(features), np.array(right))
+        claims[joint.name] = fit(np.concatenate(features), np.array(right))
     return Calibration(scale, even, claims)
 
 

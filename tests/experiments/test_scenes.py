@@ -1,0 +1,31 @@
+from pathlib import Path
+
+import pytest
+
+from vrchain.errors import VRChainError
+from vrchain.experiments.scenes import scenes_of, spec_of, suburbs
+from vrchain.paths import SCENES
+from vrchain.scene.spec import SceneSpec
+
+
+def test_suburbs_of_a_seed_are_their_own_and_the_same_again() -> None:
+    seeds = {spec_of(SceneSpec(), seed, k).seed for seed in (3000, 3001) for k in range(20)}
+    assert len(seeds) == 40
+    assert spec_of(SceneSpec(), 3000, 7) == spec_of(SceneSpec(), 3000, 7)
+
+
+def test_a_gazebo_world_stays_as_it_is() -> None:
+    found = scenes_of(SCENES / "crossing" / "crossing.world")
+    assert not found.varied and found.scene(1, 0) is found.scene(2, 5)
+    assert found.digest != suburbs(SceneSpec()).digest
+
+
+def test_digests_tell_specs_apart() -> None:
+    assert suburbs(SceneSpec()).digest == suburbs(SceneSpec()).digest
+    assert suburbs(SceneSpec()).digest != suburbs(SceneSpec(twins=0.7)).digest
+
+
+@pytest.mark.parametrize("name", ["none.yaml", "none.world"])
+def test_a_file_that_is_not_there(tmp_path: Path, name: str) -> None:
+    with pytest.raises(VRChainError, match=name):
+        scenes_of(tmp_path / name).scene(0, 0)

@@ -1,0 +1,55 @@
+import sys
+from dataclasses import replace
+from types import ModuleType
+
+import pytest
+import sights
+
+from vrchain.errors import MissionError
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import MatchConfig, compare
+from vrchain.landmarks.sift import extract
+from vrchain.landmarks.variants import at_half_resolution, halved, sift, variant_named
+
+HERE, THERE = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
+
+
+def test_sift_says_what_comparing_says() -> None:
+    variant = variant_named("sift")
+    a, b = (sights.look(pose) for pose in (HERE, THERE))
+    found = variant.compare(variant.look(a), variant.look(b))
+    direct = compare(extract(a), extract(b), a.rig)
+    assert found.common and [c.score for c in found.common] == [c.score for c in direct.common]
+    assert len(variant.keypoints(variant.look(a))) == len(extract(a))
+
+
+def test_a_score_from_which_claims_are_made() -> None:
+    a, b = (sights.look(pose) for pose in (HERE, THERE))
+    made = {
+        least: len(v.compare(v.look(a), v.look(b)).common)
+        for least in (0.02, MatchConfig().min_score, 0.99999)
+        for v in [sift(least)]
+    }
+    assert made[0.02] >= made[0.5] > made[0.99999] == 0
+
+
+def test_one_plugged_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("someone")
+    module.theirs = replace(sift(), name="theirs")  # type: ignore[attr-defined]
+    module.other = 3  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "someone", module)
+    assert variant_named("someone:theirs").name == "theirs"
+    for name in ("someone:other", "someone:missing", "nobody:theirs", "orb", ":x", ""):
+        with pytest.raises(MissionError, match="no variant"):
+            variant_named(name)
+
+
+def test_half_the_resolution_is_the_same_view() -> None:
+    panorama = sights.look(HERE)
+    small = halved(panorama)
+    assert small.rig.span_rad == panorama.rig.span_rad
+    assert small.views.shape[1] * 2 == panorama.views.shape[1]
+    assert abs(float(small.views.mean()) - float(panorama.views.mean())) < 1
+    variant = at_half_resolution(sift())
+    assert variant.name == "sift, half resolution"
+    assert len(variant.keypoints(variant.look(panorama))) < len(extract(panorama))

@@ -1,0 +1,134 @@
+"""Precision, recall and pose of evaluated claims, by variant, as docs/definitions.md has them."""
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from vrchain.landmarks.calibration import expected_calibration_error
+from vrchain.seeding import generator
+
+DEFAULT_SCORE = 0.5
+PRECISIONS = (0.90, 0.95, 0.98)
+_RESAMPLED = 1000
+
+
+def summarise(
+    claims: pd.DataFrame, pairs: pd.DataFrame, *, seed: int = 0, score: float = DEFAULT_SCORE
+) -> dict[str, dict[str, object]]:
+    """The figures of each variant, as docs/definitions.md has them, with 95 % intervals.
+
+    Intervals: bootstrap over suburbs.
+    """
+    return {
+        str(variant): _summary(claims[claims.variant == variant], own, seed, score)
+        for variant, own in pairs.groupby("variant", sort=False)
+    }
+
+
+def _summary(
+    claims: pd.DataFrame, pairs: pd.DataFrame, seed: int, score: float
+) -> dict[str, object]:
+    made = claims[(claims.score >= score) & ~claims.duplicate.astype(bool)]
+    fair = pairs[pairs.co_visible > 0]
+    key = ["suburb", "pair"]
+    best = made.sort_values("score", ascending=False, kind="stable").groupby(key).first()
+    success = best.right.reindex(pd.MultiIndex.from_frame(fair[key])).eq(True).to_numpy()
+    claimed = made.groupby(key).size()
+    empty = pairs[pairs.co_visible == 0]
+    accused = claimed.reindex(pd.MultiIndex.from_frame(empty[key])).notna().to_numpy()
+    suburbs = np.sort(pairs.suburb.unique())
+
+    def by_suburb(values: pd.Series, of: pd.Series) -> NDArray[np.float64]:
+        return np.asarray(values.groupby(of).sum().reindex(suburbs).fillna(0), dtype=float)
+
+    one = pd.Series(1.0, index=made.index)
+    ratios = {
+        "pair_success": (by_suburb(pd.Series(success, index=fair.index), fair.suburb),
+                         by_suburb(pd.Series(1.0, index=fair.index), fair.suburb)),
+        "precision": (by_suburb(made.right.astype(float), made.suburb),
+                      by_suburb(one, made.suburb)),
+        "recall": (by_suburb(made.shared.astype(float), made.suburb),
+                   by_suburb(pairs.co_visible.astype(float), pairs.suburb)),
+        "false_claim_rate": (by_suburb(pd.Series(accused, index=empty.index), empty.suburb),
+                             by_suburb(pd.Series(1.0, index=empty.index), empty.suburb)),
+    }  # fmt: skip
+    draws = generator(seed, "bootstrap", "landmarks")
+    again = draws.integers(len(suburbs), size=(_RESAMPLED, len(suburbs)))
+    found: dict[str, object] = {
+        "n_pairs": len(pairs),
+        "pairs_without_common": len(empty),
+    }
+    for name, (top, bottom) in ratios.items():
+        found[name] = float(top.sum() / bottom.sum()) if bottom.sum() else None
+        under = bottom[again].sum(axis=1)
+        shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
+        found[f"{name}_ci"] = (
+            [float(q) for q in np.quantile(shares, [0.025, 0.975])] if len(shares) else None
+        )
+    found["recall_at_precision"] = {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS}
+    found["twin_claims"] = int(made.twin.astype(bool).sum())
+    found["duplicates"] = int((claims.score >= score).sum() - len(made))
+    found["quality_m_mean"] = _or_none(made.quality_m.mean())
+    found["quality_m_median"] = _or_none(made.quality_m.median())
+    found["claims_per_pair"] = len(made) / len(pairs)
+    found["ms_per_pair"] = float(pairs.ms.median())
+    for name in ("heading_error_deg", "direction_error_deg"):
+        found[name] = _or_none(fair[name].median())
+        found[f"{name}_answered"] = _or_none((fair[name] < 180.0).mean())
+    found["calibration_error"] = _calibration_error(made)
+    return found
+
+
+def _recall_at(claims: pd.DataFrame, pairs: pd.DataFrame, precision: float) -> float | None:
+    """The largest recall of any threshold at which the precision is reached; None: never."""
+    ordered = claims[~claims.duplicate.astype(bool)].sort_values("score", ascending=False)
+    if len(ordered) == 0:
+        return None
+    right = ordered.right.astype(float).to_numpy().cumsum()
+    held = right / np.arange(1, len(ordered) + 1) >= precision
+    if not held.any():
+        return None
+    shared = ordered.shared.astype(float).to_numpy().cumsum()
+    return float(shared[held].max() / max(1, pairs.co_visible.sum()))
+
+
+def _calibration_error(made: pd.DataFrame) -> float | None:
+    if len(made) == 0:
+        return None
+    right = made.right.to_numpy(dtype=bool)
+    return expected_calibration_error(made.score.to_numpy(dtype=float), right)
+
+
+def _or_none(value: float) -> float | None:
+    return None if np.isnan(value) else float(value)
+
+
+def as_table(summary: dict[str, dict[str, object]]) -> pd.DataFrame:
+    """The main figures to read: one row a variant, intervals in brackets."""
+
+    def shown(figures: dict[str, object], name: str) -> str:
+        value, interval = figures[name], figures.get(f"{name}_ci")
+        if not isinstance(value, float):
+            return "-"
+        ends = f" [{interval[0]:.3f}, {interval[1]:.3f}]" if isinstance(interval, list) else ""
+        return f"{value:.3f}{ends}"
+
+    names = ("pair_success", "precision", "recall", "false_claim_rate")
+    rows = {}
+    for variant, figures in summary.items():
+        rows[variant] = {
+            "pairs": figures["n_pairs"],
+            **{name: shown(figures, name) for name in names},
+            "recall_at_precision": " ".join(
+                "-" if v is None else f"{v:.3f}"
+                for v in dict(figures["recall_at_precision"]).values()  # type: ignore[call-overload]
+            ),
+            "twins": figures["twin_claims"],
+            "quality_m": shown(figures, "quality_m_median"),
+            "direction_deg": shown(figures, "direction_error_deg"),
+            "heading_deg": shown(figures, "heading_error_deg"),
+            "answered": shown(figures, "direction_error_deg_answered"),
+            "ece": shown(figures, "calibration_error"),
+            "ms": shown(figures, "ms_per_pair"),
+        }
+    return pd.DataFrame(rows).T.rename_axis("variant")

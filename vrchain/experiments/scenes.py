@@ -1,0 +1,52 @@
+"""Scene after scene to measure in: suburbs of their own seeds, or a Gazebo world as it is."""
+
+import hashlib
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass, replace
+from functools import cache
+from pathlib import Path
+
+from vrchain.scene import Scene, build_scene, load_scene, load_spec
+from vrchain.scene.gazebo import SUFFIXES
+from vrchain.scene.spec import SceneSpec
+from vrchain.seeding import generator
+
+
+@dataclass(frozen=True)
+class Scenes:
+    """scene: scene k of a seed. digest: what they are made of. varied: whether they differ."""
+
+    scene: Callable[[int, int], Scene]
+    digest: str
+    varied: bool = True
+
+
+def scenes_of(path: str | Path) -> Scenes:
+    """The scenes that a file stands for. Raises SpecError.
+
+    A spec is drawn with a seed of its own for every (seed, k); a Gazebo world stays as it is.
+    """
+    path = Path(path)
+    if path.suffix.lower() not in SUFFIXES:
+        return suburbs(load_spec(path))
+    digest = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
+
+    @cache
+    def world() -> Scene:
+        return load_scene(path)
+
+    return Scenes(lambda seed, k: world(), digest, varied=False)
+
+
+def suburbs(spec: SceneSpec) -> Scenes:
+    """Suburbs that differ in their seeds alone."""
+    known = json.dumps(asdict(spec), sort_keys=True).encode()
+    return Scenes(
+        lambda seed, k: build_scene(spec_of(spec, seed, k)), hashlib.sha256(known).hexdigest()
+    )
+
+
+def spec_of(spec: SceneSpec, seed: int, k: int) -> SceneSpec:
+    """The spec with the seed of suburb ``k`` of a seed."""
+    return replace(spec, seed=int(generator(seed, "suburb", k).integers(2**31)))

@@ -1,0 +1,133 @@
+"""The ways to find common landmarks, by name; and how to plug in another.
+
+A variant looks at each panorama once, and compares two such looks. One of your own is given by
+where it is found, ``--variant mymodule:mine``, and stands in every table beside the others:
+
+    mine = Variant("mine", look=my_features, compare=my_comparison, keypoints=lambda look: look)
+"""
+
+import importlib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from vrchain.errors import MissionError
+from vrchain.landmarks.calibration import load_calibration
+from vrchain.landmarks.common import Comparison, MatchConfig, compare
+from vrchain.landmarks.joint import JointConfig, compare_joint
+from vrchain.landmarks.record import LandmarkRecord, examine, maker_of
+from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.weights import SHIPPED
+from vrchain.panorama import CameraRig, Panorama
+
+DEFAULT = "cnn+sift"
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to find common landmarks.
+
+    look: what is kept of a panorama. compare: of two looks at panoramas of one rig, their claims,
+    surest first, and the relative pose if it has one. keypoints: those of a look that the supports
+    of its claims count by. maker: what its results depend on beside the code, as text: results
+    that are kept are used again only where it is the same.
+    """
+
+    name: str
+    look: Callable[[Panorama], Any]
+    compare: Callable[[Any, Any], Comparison]
+    keypoints: Callable[[Any], Features]
+    maker: str = ""
+
+
+def sift(min_score: float = MatchConfig().min_score) -> Variant:
+    """SIFT over whole panoramas under one relative pose."""
+    matching = partial(_by_sift, config=MatchConfig(min_score=min_score))
+    return Variant("sift", _whole, matching, lambda look: look[0])
+
+
+def learned(
+    config: JointConfig | None = None, weights: Path = SHIPPED, name: str | None = None
+) -> Variant:
+    """Landmarks that the network proposes, joined by looks and places; with SIFT, or without.
+
+    LearnedError without torch, the weights or their calibration.
+    """
+    config, calibration = config or JointConfig(), load_calibration(weights)
+    look = _look_by(weights)
+    joining = partial(compare_joint, config=config, calibration=calibration)
+    return Variant(name or config.name, look, joining, _kept, maker_of(weights))
+
+
+def at_half_resolution(variant: Variant) -> Variant:
+    """The same with cameras of half as many pixels each way."""
+
+    def look(panorama: Panorama) -> Any:
+        return variant.look(halved(panorama))
+
+    return replace(variant, name=f"{variant.name}, half resolution", look=look)
+
+
+def halved(panorama: Panorama) -> Panorama:
+    """The panorama as cameras of half its resolution would have taken it."""
+    rig = panorama.rig
+    small = replace(rig, width_px=rig.width_px // 2, height_px=rig.height_px // 2)
+    size = small.width_px, small.height_px
+    views = [cv2.resize(v, size, interpolation=cv2.INTER_AREA) for v in panorama.views]
+    return Panorama(small, np.stack(views).astype(np.uint8))
+
+
+def variant_named(name: str, min_score: float = 0.5) -> Variant:
+    """A variant by its name, or MODULE:NAME of one plugged in; MissionError if there is none."""
+    if name == "sift":
+        return sift(min_score)
+    if name in JOINT:
+        return learned(replace(JOINT[name], min_score=min_score))
+    module, _, attribute = name.partition(":")
+    try:
+        found = getattr(importlib.import_module(module), attribute) if attribute else None
+    except (ImportError, AttributeError, ValueError) as error:
+        raise MissionError(f"no variant {name!r} to plug in: {error}") from error
+    if not isinstance(found, Variant):
+        raise MissionError(
+            f"no variant {name!r}: there are sift, {', '.join(JOINT)}, or MODULE:NAME of your own"
+        )
+    return found
+
+
+JOINT = {
+    config.name: config
+    for config in (
+        JointConfig(sift=False),
+        JointConfig(),
+        JointConfig(embedding=False),
+        JointConfig(geometry=False),
+    )
+}
+
+
+def _whole(panorama: Panorama) -> tuple[Features, CameraRig]:
+    return extract(panorama), panorama.rig
+
+
+def _by_sift(
+    a: tuple[Features, CameraRig], b: tuple[Features, CameraRig], config: MatchConfig
+) -> Comparison:
+    return compare(a[0], b[0], a[1], config)
+
+
+_LOOKS: dict[Path, Callable[[Panorama], LandmarkRecord]] = {}
+
+
+def _look_by(weights: Path) -> Callable[[Panorama], LandmarkRecord]:
+    """The same function for the same weights: what several variants look at, is looked at once."""
+    return _LOOKS.setdefault(weights, partial(examine, weights=weights))
+
+
+def _kept(record: LandmarkRecord) -> Features:
+    return record.features
