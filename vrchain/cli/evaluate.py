@@ -48,11 +48,7 @@ def landmarks(
     from vrchain.experiments.landmark_scores import as_table, summarise
     from vrchain.experiments.scenes import scenes_of
 
-    if seed < FIRST_SEED and not allow_training_seeds:
-        raise MissionError(
-            f"seeds below {FIRST_SEED} were learned from or chosen by, got {seed}: take another, "
-            "or --allow-training-seeds"
-        )
+    _check_seed(seed, allow_training_seeds)
     found = evaluation.evaluate(
         scenes_of(spec), pairs, spacing, [evaluation.row(v) for v in variant or evaluation.ROWS],
         seed=seed, folder=output or BUILD / "evaluate" / "landmarks",
@@ -62,3 +58,101 @@ def landmarks(
         print(json.dumps(summary))
         return
     print(as_table(summary).to_string())
+
+
+@app.command()
+def photographs(
+    folders: Annotated[
+        list[Path] | None, typer.Argument(metavar="[FOLDER]...", help="Each of one place.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+) -> None:
+    """Count the pairs of photographs with a claim: of one place, and of two. Plain SIFT beside.
+
+    Without a folder: print how the settings were chosen, on rendered views.
+    """
+    from vrchain.experiments.photographs import choose, compare_folders
+
+    table = compare_folders(folders) if folders else choose()
+    if as_json:
+        print(json.dumps({"rows": table.to_dict(orient="records")}))
+        return
+    print(table.to_string(index=False))
+
+
+@app.command()
+def homing(
+    spec: Annotated[
+        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
+    ] = SCENES / "suburb.yaml",
+    places: Annotated[int, typer.Option(help="To home to, two in each suburb; 20 to report.")] = 2,
+    method: Annotated[
+        list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Of suburbs, places and headings; 2,000 or more.")
+    ] = 3000,
+    allow_training_seeds: Annotated[
+        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+) -> None:
+    """Home to places from up to 5 m around by ours and by known methods, with and without compass.
+
+    About 300 starts a place, minutes each. no_answer counts as 90 degrees; return_ratio is over the
+    starts whose straight way is free. Intervals: 95 %, bootstrap over suburbs. Broken off, the same
+    command goes on.
+    """
+    from vrchain.experiments import homing as experiment
+    from vrchain.experiments.scenes import scenes_of
+
+    _check_seed(seed, allow_training_seeds)
+    found = experiment.evaluate(
+        scenes_of(spec), places, method or experiment.ROWS, seed=seed,
+        folder=output or BUILD / "evaluate" / "homing",
+    )  # fmt: skip
+    summary = experiment.summarise(found)
+    if as_json:
+        print(json.dumps(summary))
+        return
+    print(experiment.as_table(summary).to_string())
+
+
+@app.command()
+def homing_trials(
+    spec: Annotated[
+        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
+    ] = SCENES / "suburb.yaml",
+    places: Annotated[int, typer.Option(help="To home to, two in each suburb.")] = 4,
+    trials: Annotated[int, typer.Option(help="Of each method, the first as it is.")] = 16,
+    seed: Annotated[
+        int, typer.Option(help="Of suburbs, places and trials; 1,000 to 1,999.")
+    ] = 1000,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+) -> None:
+    """Try parameters of every homing method, as many of each, on the seeds for choosing.
+
+    Prints the best trials of each method by angular error, without compass, then the best values
+    of what arrival is judged by, by return ratio.
+    """
+    from vrchain.experiments import homing_trials as experiment
+    from vrchain.experiments.scenes import scenes_of
+
+    if not 1000 <= seed < FIRST_SEED:
+        raise MissionError(f"parameters are chosen by seeds 1000 to 1999, got {seed}")
+    table = experiment.trials(scenes_of(spec), places, trials, seed=seed)
+    if as_json:
+        print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
+        return
+    print(experiment.best(table).to_string(index=False, na_rep="-"))
+
+
+def _check_seed(seed: int, allow_training_seeds: bool) -> None:
+    if seed < FIRST_SEED and not allow_training_seeds:
+        raise MissionError(
+            f"seeds below {FIRST_SEED} were learned from or chosen by, got {seed}: take another, "
+            "or --allow-training-seeds"
+        )

@@ -75,7 +75,7 @@ def draw_task(
     robot or goal.
     """
     names = robot_names(n_robots, robot)
-    goals = _goal_ids(scene, goal)
+    goals = goal_ids(scene, goal)
     found = list(islice(_tasks(scene, truth, rig, seed, names, goals), _CHOICES))
     if not found:
         sought = f"the goal {goal!r}" if goal else "a goal"
@@ -112,7 +112,7 @@ def scene_task(
     name = goal or scene.goal
     if name is None:
         raise MissionError(f"the scene {scene.name!r} sets no goal: name a --goal")
-    (target,) = _goal_ids(scene, name)
+    (target,) = goal_ids(scene, name)
     draws = generator(seed, "task")
     starts = _starts(scene, list(places.values()), draws)
     pictured = goal_poses(scene, truth, target, seed)
@@ -412,7 +412,8 @@ def _starts(scene: Scene, places: Sequence[Pose], draws: np.random.Generator) ->
     return starts
 
 
-def _goal_ids(scene: Scene, goal: str | None) -> list[int]:
+def goal_ids(scene: Scene, goal: str | None) -> list[int]:
+    """The object of that name, or without a name all that goals are drawn from."""
     if goal is None:
         return _drawn_from(scene)
     try:

@@ -3,6 +3,7 @@
 Matches must obey one fundamental matrix, found by MAGSAC++ (Barath et al., 2020).
 """
 
+import contextlib
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,20 +20,36 @@ from vrchain.landmarks.common import (
     group_by_nearness,
     support_score,
 )
-from vrchain.landmarks.sift import Keypoints, detect, mutual_matches
+from vrchain.landmarks.sift import Keypoints, detect, mutual_matches, root
 from vrchain.panorama import CameraRig, Panorama, read_image
 
 _LONGEST_SIDE_PX = 1000
 _LEAST_SIDE_PX = 16
-_RATIO = 0.8
-_TOLERANCE_PX = 1.5
-_MIN_INLIERS = (
-    20  # of unrelated pictures a fundamental matrix satisfies about a dozen matches by chance
-)
+_LEAST_MATCHES = 8  # from which a fundamental matrix is sought
 _GROUP_SHARE = (
     0.12  # of the longest side: matches nearer than this in both pictures belong together
 )
-_MIN_SUPPORT = 8
+
+
+@dataclass(frozen=True)
+class PhotoConfig:
+    """How matches are found and how many must agree.
+
+    The numbers were chosen on rendered views of suburbs (``experiments.photographs``): of unrelated
+    ones at most one pair in a hundred is claimed.
+    """
+
+    root: bool = True  # Hellinger's distance between descriptors
+    ratio: float = 0.85  # nearest over second nearest distance
+    either: bool = True  # the ratio test asked in one direction, not in both
+    tolerance_px: float = 1.0
+    min_inliers: int = 18  # matches that obey one fundamental matrix
+    min_support: int = 6  # of them in a claim
+
+
+PLAIN = PhotoConfig(
+    root=False, ratio=0.8, either=False, tolerance_px=1.5, min_inliers=20, min_support=8
+)  # what most tutorials do
 
 
 def photo_landmarks(
@@ -44,24 +61,60 @@ def photo_landmarks(
     """
     for name, image in (("first", a_rgb), ("second", b_rgb)):
         _check_usable(image, f"the {name} picture")
-    return _claims(a_rgb, b_rgb)
+    return claims_of(described(a_rgb), described(b_rgb))
 
 
-def _claims(a_rgb: NDArray[np.uint8], b_rgb: NDArray[np.uint8]) -> tuple[CommonLandmark, ...]:
-    (a, scale_a), (b, scale_b) = _detect_scaled(a_rgb), _detect_scaled(b_rgb)
-    index_a, index_b = mutual_matches(a.descriptors, b.descriptors, _RATIO)
-    xy_a, xy_b = a.xy_px[index_a], b.xy_px[index_b]
-    inlier = np.flatnonzero(_fundamental_inliers(xy_a, xy_b))
-    if len(inlier) < _MIN_INLIERS:
+@dataclass(frozen=True, eq=False)
+class Described:
+    """A picture's size (height, width) as given, and its keypoints, found at ``scale`` of it."""
+
+    size_px: tuple[int, int]
+    keypoints: Keypoints
+    scale: float
+
+
+def described(image_rgb: NDArray[np.uint8]) -> Described:
+    """The keypoints of a picture (h, w, 3), made smaller first if it is large."""
+    height, width = image_rgb.shape[:2]
+    scale = min(1.0, _LONGEST_SIDE_PX / max(height, width))
+    if scale < 1:
+        smaller = max(1, round(width * scale)), max(1, round(height * scale))
+        resized = cv2.resize(image_rgb, smaller, interpolation=cv2.INTER_AREA)
+        image_rgb = np.asarray(resized, dtype=np.uint8)
+    return Described((height, width), detect(image_rgb), scale)
+
+
+def agreeing(
+    a: Described, b: Described, config: PhotoConfig
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices (m,), (m,) of matched keypoints that obey one fundamental matrix."""
+    described_a, described_b = (
+        root(d.keypoints.descriptors) if config.root else d.keypoints.descriptors for d in (a, b)
+    )
+    ia, ib = mutual_matches(described_a, described_b, config.ratio, config.either)
+    inlier = _fundamental_inliers(a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], config.tolerance_px)
+    return ia[inlier], ib[inlier]
+
+
+def claims_of(
+    a: Described, b: Described, config: PhotoConfig | None = None
+) -> tuple[CommonLandmark, ...]:
+    """Common landmarks of two pictures, surest first."""
+    config = config or PhotoConfig()
+    ia, ib = agreeing(a, b, config)
+    if len(ia) < config.min_inliers:
         return ()
-    claims = []
-    for members in group_by_nearness(xy_a[inlier], xy_b[inlier], _GROUP_SHARE * _LONGEST_SIDE_PX):
-        if len(members) < _MIN_SUPPORT:
-            continue
-        chosen = inlier[members]
-        ia, ib = index_a[chosen], index_b[chosen]
-        regions = _region(a, ia, scale_a, a_rgb), _region(b, ib, scale_b, b_rgb)
-        claims.append(CommonLandmark(support_score(len(chosen)), *regions, ia, ib))
+    groups = group_by_nearness(
+        a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], _GROUP_SHARE * _LONGEST_SIDE_PX
+    )
+    large = [members for members in groups if len(members) >= config.min_support]
+    claims = [
+        CommonLandmark(
+            support_score(len(members)), _region(a, ia[members]), _region(b, ib[members]),
+            ia[members], ib[members],
+        )
+        for members in large or [np.arange(len(ia))]
+    ]  # fmt: skip
     return tuple(sorted(claims, key=lambda c: -c.score))
 
 
@@ -90,10 +143,11 @@ def landmarks_of_files(a: str | Path, b: str | Path) -> FileComparison:
             common_landmarks(left, right), left.cylinder, right.cylinder, left.rig
         )
     views_a, views_b = _views(left), _views(right)
+    described_a, described_b = ([described(v) for v in views] for views in (views_a, views_b))
     found = {
-        (i, j): _claims(view_a, view_b)  # a single view may well be blank
-        for i, view_a in enumerate(views_a)
-        for j, view_b in enumerate(views_b)
+        (i, j): claims_of(one, other)  # a single view may well be blank
+        for i, one in enumerate(described_a)
+        for j, other in enumerate(described_b)
     }
     i, j = max(found, key=lambda pair: sum(len(c.support_a) for c in found[pair]))
     claims = [replace(c, a=replace(c.a, view=i), b=replace(c.b, view=j)) for c in found[i, j]]
@@ -124,27 +178,21 @@ def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:
     check_not_blank(image_rgb, what)
 
 
-def _detect_scaled(image_rgb: NDArray[np.uint8]) -> tuple[Keypoints, float]:
-    scale = min(1.0, _LONGEST_SIDE_PX / max(image_rgb.shape[:2]))
-    if scale < 1:
-        height, width = (max(1, round(side * scale)) for side in image_rgb.shape[:2])
-        smaller = cv2.resize(image_rgb, (width, height), interpolation=cv2.INTER_AREA)
-        return detect(np.asarray(smaller, dtype=np.uint8)), scale
-    return detect(image_rgb), scale
+def _fundamental_inliers(
+    xy_a: NDArray[np.float64], xy_b: NDArray[np.float64], tolerance_px: float
+) -> NDArray[np.bool_]:
+    mask = None
+    if len(xy_a) >= _LEAST_MATCHES:
+        with contextlib.suppress(cv2.error):  # raised where all matches lie on a few points
+            mask = cv2.findFundamentalMat(xy_a, xy_b, cv2.USAC_MAGSAC, tolerance_px, 0.999, 10000)[
+                1
+            ]
+    return np.zeros(len(xy_a), dtype=bool) if mask is None else mask.ravel().astype(bool)
 
 
-def _fundamental_inliers(xy_a: NDArray[np.float64], xy_b: NDArray[np.float64]) -> NDArray[np.bool_]:
-    if len(xy_a) < _MIN_INLIERS:
-        return np.zeros(len(xy_a), dtype=bool)
-    matrix, mask = cv2.findFundamentalMat(xy_a, xy_b, cv2.USAC_MAGSAC, _TOLERANCE_PX, 0.999, 10000)
-    return np.zeros(len(xy_a), dtype=bool) if matrix is None else mask.ravel().astype(bool)
-
-
-def _region(
-    found: Keypoints, index: NDArray[np.int64], scale: float, image_rgb: NDArray[np.uint8]
-) -> Region:
-    xy, reach = found.xy_px[index], found.size_px[index, None] / 2
-    height, width = image_rgb.shape[:2]
-    low = np.clip((xy - reach).min(axis=0) / scale, 0, (width, height))
-    high = np.clip((xy + reach).max(axis=0) / scale, 0, (width, height))
+def _region(found: Described, index: NDArray[np.int64]) -> Region:
+    xy, reach = found.keypoints.xy_px[index], found.keypoints.size_px[index, None] / 2
+    height, width = found.size_px
+    low = np.clip((xy - reach).min(axis=0) / found.scale, 0, (width, height))
+    high = np.clip((xy + reach).max(axis=0) / found.scale, 0, (width, height))
     return Region(0, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), None, None)

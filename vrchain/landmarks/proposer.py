@@ -4,10 +4,10 @@ The network answers for every cell. Cells whose answers agree on one box are one
 placed where they say, on the average, that the middle of their landmark is.
 """
 
+from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
@@ -26,7 +26,8 @@ Array = NDArray[np.float64]
 BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0  # the network's units of a landmark's middle
 _LEAST_SCORE = 0.2
 _LEAST_LANDMARK = 0.35  # probability from which a cell belongs to a landmark
-_SAME_BOX = 0.45  # intersection over union from which two boxes are one proposal
+_SAME_BOX = 0.5  # intersection over union from which two boxes are one proposal
+_DRAFT_BOX = 0.2  # a cell whose own box overlaps less with each draft has no say in them
 _OWN_BOX = 0.3  # a cell whose own box overlaps less with each proposal belongs to none
 _LEAST_CELLS = 3
 _MOST = 160
@@ -93,18 +94,25 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     landmark, fit = _logistic(answers["landmark"][0]), _logistic(answers["fit"][0])
     quality = landmark * fit
     columns = landmark.shape[1]
-    peak_row, peak_column = row, column = np.nonzero(landmark > _LEAST_LANDMARK)
+    row, column = np.nonzero(landmark > _LEAST_LANDMARK)
     edge = np.exp(answers["box"][:, row, column].clip(-3, 7)) * _SIGNS[:, None]
     boxes = (edge + np.stack([column, row, column, row])).T.astype(np.float32)
-    candidates = np.flatnonzero((quality >= _highest_around(quality))[row, column])
-    candidates = candidates[quality[row, column][candidates] > _LEAST_SCORE]
-    surest_first = np.argsort(-quality[row, column][candidates], kind="stable")
+    sure = quality[row, column]
     period = columns if rig.closed else None
-    chosen = _one_of_each(boxes, candidates[surest_first], period)
+    surest_first = np.argsort(-sure, kind="stable")[: int((sure > _LEAST_SCORE).sum())]
+    drafts = boxes[_one_of_each(boxes, surest_first, period)]
+    chosen = _agreed_boxes(boxes, sure, drafts, period)
     if len(chosen) == 0:
         return nothing()
-    alike, owner = _most_like(boxes, boxes[chosen], period)
+    looks = np.zeros((len(chosen), len(answers["embedding"])))
+    alike, owner = _most_like(boxes, chosen, period)
+    for part, overlap in _in_parts(boxes, chosen, period):
+        # a landmark's other pieces say what it looks like too, so all that overlap are heard
+        weight = overlap**2 * landmark[row[part], column[part]][:, None]
+        looks += weight.T @ answers["embedding"][:, row[part], column[part]].T
+    length = np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
     own = alike >= _OWN_BOX
+    sure = sure[own]
     row, column, owner = row[own], column[own], owner[own]
     n = len(chosen)
     weight = landmark[row, column].astype(float)
@@ -113,12 +121,10 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     def mean_of(channels: NDArray[np.float32]) -> Array:
         return np.stack([np.bincount(owner, weight * c, n) / total for c in channels], axis=1)
 
-    embedding = mean_of(answers["embedding"][:, row, column])
-    length = np.maximum(np.linalg.norm(embedding, axis=1, keepdims=True), 1e-9)
     offset, log_range, *unsure = answers["middle"][:, row, column].astype(float)
     # angles are averaged as turns from the box's middle, which may lie across the seam
     half_turn_cells = columns * np.pi / rig.span_rad
-    left, top, right, bottom = boxes[chosen].T.astype(float)
+    left, top, right, bottom = chosen.T.astype(float)
     across = column - ((left + right) / 2)[owner]
     across = (across + half_turn_cells) % (2 * half_turn_cells) - half_turn_cells
     step_rad = rig.span_rad / columns
@@ -128,8 +134,10 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     log_range, range_std = _agreed(log_range, unsure[1], owner, n)
     middle = rig.span_rad / 2 - ((left + right) / 2 + 0.5) * step_rad
     slopes = cell_slopes()
+    score = np.zeros(n)
+    np.maximum.at(score, owner, sure)
     found = Proposals(
-        quality[peak_row[chosen], peak_column[chosen]].astype(float),
+        score,
         np.stack(
             [
                 rig.span_rad / 2 - (right + 0.5) * step_rad,
@@ -144,12 +152,12 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
         np.maximum(bearing_std * BEARING_UNIT_RAD, _LEAST_UNSURE_RAD),
         range_std,
         mean_of(answers["kind"][:, row, column]).argmax(axis=1),
-        (embedding / length).astype(np.float32),
+        (looks / length).astype(np.float32),
         row * columns + column,
         owner,
     )
-    large = np.bincount(owner, minlength=n) >= _LEAST_CELLS
-    return found.take(np.flatnonzero(large)[:_MOST])
+    large = np.flatnonzero(np.bincount(owner, minlength=n) >= _LEAST_CELLS)
+    return found.take(large[np.argsort(-score[large], kind="stable")][:_MOST])
 
 
 def nothing(dimensions: int = 64) -> Proposals:
@@ -196,20 +204,49 @@ def _one_of_each(
     return np.array(chosen, dtype=np.int64)
 
 
+def _agreed_boxes(
+    boxes: NDArray[np.float32],
+    sure: NDArray[np.float32],
+    drafts: NDArray[np.float32],
+    period: int | None,
+) -> NDArray[np.float32]:
+    """What the cells of each draft agree on, on the average; drafts that agree are one."""
+    n = len(drafts)
+    if n == 0:
+        return drafts
+    alike, owner = _most_like(boxes, drafts, period)
+    own = alike >= _DRAFT_BOX
+    owner, weight, own_boxes = owner[own], sure[own], boxes[own]
+    total = np.maximum(np.bincount(owner, weight, n), 1e-9)
+    middle = (own_boxes[:, 0] + own_boxes[:, 2]) / 2
+    apart = middle - ((drafts[:, 0] + drafts[:, 2]) / 2)[owner]
+    round_about = np.round(apart / period) * period if period is not None else np.zeros_like(apart)
+    shift = np.stack([round_about, np.zeros_like(apart)] * 2, axis=1)
+    found = np.stack(
+        [np.bincount(owner, weight * edge, n) / total for edge in (own_boxes - shift).T], axis=1
+    ).astype(np.float32)
+    most_first = np.argsort(-total, kind="stable")
+    return found[_one_of_each(found, most_first[total[most_first] > 1e-9], period)]
+
+
 def _most_like(
     boxes: NDArray[np.float32], chosen: NDArray[np.float32], period: int | None
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """How much each box overlaps with the chosen one most like it, and which that is: (n,), (n,).
-
-    A few hundred at a time: what stays in the processor's cache is several times faster.
-    """
+    """How much each box overlaps with the chosen one most like it, and which that is: (n,) each."""
     alike, which = np.empty(len(boxes), dtype=np.float32), np.empty(len(boxes), dtype=np.int64)
-    for start in range(0, len(boxes), 256):
-        part = slice(start, start + 256)
-        found = overlaps(boxes[part], chosen, period)
+    for part, found in _in_parts(boxes, chosen, period):
         which[part] = found.argmax(axis=1)
         alike[part] = found.max(axis=1)
     return alike, which
+
+
+def _in_parts(
+    boxes: NDArray[np.float32], chosen: NDArray[np.float32], period: int | None
+) -> Iterator[tuple[slice, NDArray[np.floating]]]:
+    """Overlaps of a few hundred boxes at a time: what stays in the processor's cache is faster."""
+    for start in range(0, len(boxes), 256):
+        part = slice(start, start + 256)
+        yield part, overlaps(boxes[part], chosen, period)
 
 
 def _agreed(
@@ -224,11 +261,6 @@ def _agreed(
     mean = np.bincount(owner, weight * values, n) / total
     count = np.bincount(owner, minlength=n)
     return mean, np.sqrt(2) * count / total  # a Laplace distribution's deviation
-
-
-def _highest_around(values: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The largest value of each cell's 3 x 3 neighbourhood."""
-    return np.asarray(cv2.dilate(values, np.ones((3, 3), dtype=np.uint8)), dtype=np.float32)
 
 
 def _logistic(x: NDArray[np.float32]) -> NDArray[np.float32]:

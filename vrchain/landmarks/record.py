@@ -55,12 +55,19 @@ def maker_of(weights: Path = SHIPPED, config: RecordConfig | None = None) -> str
 
 
 def examine(
-    panorama: Panorama, weights: Path = SHIPPED, config: RecordConfig | None = None
+    panorama: Panorama,
+    weights: Path = SHIPPED,
+    config: RecordConfig | None = None,
+    features: Features | None = None,
 ) -> LandmarkRecord:
-    """Extract a panorama's landmarks. LearnedError without torch or the weights."""
+    """Extract a panorama's landmarks. LearnedError without torch or the weights.
+
+    features: all its keypoints, where they are known already.
+    """
     config = config or RecordConfig()
     proposals = propose(panorama, load_network(weights))
-    kept = _kept(extract(panorama), proposals, panorama.rig, config)
+    found = extract(panorama) if features is None else features
+    kept = _kept(found, proposals, panorama.rig, config)
     return LandmarkRecord(panorama.rig, maker_of(weights, config), proposals, kept)
 
 

@@ -9,7 +9,7 @@ where it is found, ``--variant mymodule:mine``, and stands in every table beside
 import importlib
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 from pathlib import Path
 from typing import Any
 
@@ -111,8 +111,14 @@ JOINT = {
 }
 
 
+@lru_cache(maxsize=2)
+def _keypoints(panorama: Panorama) -> Features:
+    """All of a panorama's: more than one variant wants them."""
+    return extract(panorama)
+
+
 def _whole(panorama: Panorama) -> tuple[Features, CameraRig]:
-    return extract(panorama), panorama.rig
+    return _keypoints(panorama), panorama.rig
 
 
 def _by_sift(
@@ -126,7 +132,11 @@ _LOOKS: dict[Path, Callable[[Panorama], LandmarkRecord]] = {}
 
 def _look_by(weights: Path) -> Callable[[Panorama], LandmarkRecord]:
     """The same function for the same weights: what several variants look at, is looked at once."""
-    return _LOOKS.setdefault(weights, partial(examine, weights=weights))
+
+    def look(panorama: Panorama) -> LandmarkRecord:
+        return examine(panorama, weights, features=_keypoints(panorama))
+
+    return _LOOKS.setdefault(weights, look)
 
 
 def _kept(record: LandmarkRecord) -> Features:

@@ -1,0 +1,183 @@
+"""Landmark records of many panoramas side by side: who sees this, who shares a landmark with me.
+
+The embeddings of all their proposals are one matrix. One product with those of a new panorama, or
+of pictures of a goal, tells which few are worth a closer look.
+"""
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.errors import ImageError
+from vrchain.landmarks.calibration import Calibration, load_calibration
+from vrchain.landmarks.common import Comparison
+from vrchain.landmarks.joint import JointConfig, compare_joint
+from vrchain.landmarks.recognition import LOWEST_SLOPE, Sighting, locate, template_around
+from vrchain.landmarks.record import LandmarkRecord, decode_record, examine, maker_of
+from vrchain.landmarks.weights import SHIPPED
+from vrchain.panorama import Panorama
+
+Array = NDArray[np.float64]
+Key = TypeVar("Key")
+
+_SHORT = 25  # panoramas looked at more closely
+_MIDDLE_SLOPE = 0.1  # what a picture shows reaches to its middle, give or take this
+
+
+@dataclass(frozen=True, eq=False)
+class Gallery(Generic[Key]):
+    """Records by key, such as a panorama's digest; nothing that a ledger could not give again.
+
+    embedding: (n, d) of all their proposals; owner: (n,) place of their record in ``keys``.
+    """
+
+    keys: tuple[Key, ...]
+    records: tuple[LandmarkRecord, ...]
+    embedding: NDArray[np.float32]
+    owner: NDArray[np.int64]
+
+    def alike(self, embedding: NDArray[np.float32], calibration: Calibration) -> Array:
+        """How much looks speak for sharing what has these embeddings, (k, d): (records,).
+
+        The log-likelihood ratio, each of the k heard once.
+        """
+        found = np.zeros(len(self.records))
+        if len(self.owner) == 0 or len(embedding) == 0:
+            return found
+        cosine = (embedding @ self.embedding.T).astype(float)
+        looks = calibration.alike_scale * (cosine - calibration.alike_even)
+        begins = np.flatnonzero(np.r_[True, np.diff(self.owner) > 0])
+        best = np.maximum.reduceat(looks, begins, axis=1)
+        found[self.owner[begins]] = np.logaddexp(0.0, best).sum(axis=0)
+        return found
+
+
+def gallery_of(records: Mapping[Key, LandmarkRecord]) -> Gallery[Key]:
+    """A gallery of records of the same weights."""
+    counts = [len(r.proposals) for r in records.values()]
+    none = np.empty((0, 0), dtype=np.float32)
+    known = [r.proposals.embedding for r in records.values() if len(r.proposals)]
+    return Gallery(
+        tuple(records), tuple(records.values()), np.concatenate(known) if known else none,
+        np.repeat(np.arange(len(counts)), counts),
+    )  # fmt: skip
+
+
+def record_from(
+    panorama: bytes, landmarks: bytes | None, weights: Path = SHIPPED
+) -> LandmarkRecord:
+    """A published panorama's record, as it was published with it.
+
+    Extracted again where none was published, or a damaged one, or one of other weights. ImageError
+    if the panorama is none.
+    """
+    taken = Panorama.decode(panorama)
+    if landmarks is not None:
+        with contextlib.suppress(ImageError):
+            stored = decode_record(landmarks)
+            if stored.maker == maker_of(weights) and stored.rig == taken.rig:
+                return stored
+    return examine(taken, weights)
+
+
+def partners(
+    own: LandmarkRecord,
+    gallery: Gallery[Key],
+    config: JointConfig | None = None,
+    calibration: Calibration | None = None,
+) -> list[tuple[Key, Comparison]]:
+    """Who shares a landmark with me: those with claims, the most claims first."""
+    calibration = calibration or load_calibration()
+    likely = np.argsort(-gallery.alike(own.proposals.embedding, calibration), kind="stable")
+    found = [
+        (gallery.keys[k], compare_joint(own, gallery.records[k], config, calibration))
+        for k in likely[:_SHORT]
+    ]
+    found = [pair for pair in found if pair[1].common]
+    return sorted(found, key=lambda pair: -sum(c.score for c in pair[1].common))
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """A landmark by pictures: embedding (pictures, d) of what each shows, and the pictures."""
+
+    embedding: NDArray[np.float32]
+    pictures: tuple[LandmarkRecord, ...]
+
+
+def sought(pictures: Sequence[LandmarkRecord]) -> Sought:
+    """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
+    shown = [(p, subject(p)) for p in pictures]
+    useful = [(p, k) for p, k in shown if k is not None]
+    embedding = [p.proposals.embedding[k] for p, k in useful]
+    none = np.empty((0, 0), dtype=np.float32)
+    return Sought(np.stack(embedding) if embedding else none, tuple(p for p, _ in useful))
+
+
+def subject(picture: LandmarkRecord) -> int | None:
+    """The proposal that a picture shows, as one points out a thing: the largest in its middle."""
+    right, left, low, high = picture.proposals.box.T
+    near = (right <= 0) & (left >= 0) & (low <= _MIDDLE_SLOPE) & (high >= -_MIDDLE_SLOPE)
+    middle = np.flatnonzero(near)
+    if len(middle) == 0:
+        return None
+    return int(middle[((left - right) * (high - low))[middle].argmax()])
+
+
+@dataclass(frozen=True)
+class Seen(Generic[Key]):
+    """A panorama that may show what was sought.
+
+    looks: log-likelihood ratio of its proposal; sighting: where the keypoints agree that it is.
+    """
+
+    key: Key
+    looks: float
+    proposal: int
+    sighting: Sighting | None
+
+
+def who_sees(
+    what: Sought, gallery: Gallery[Key], calibration: Calibration | None = None
+) -> list[Seen[Key]]:
+    """Panoramas that look most as if they showed it, the most keypoints agreeing first."""
+    calibration = calibration or load_calibration()
+    if len(what.embedding) == 0 or len(gallery.owner) == 0:
+        return []
+    cosine = (gallery.embedding @ what.embedding.T).astype(float)
+    looks = calibration.alike_scale * (cosine - calibration.alike_even)
+    best = looks.max(axis=1)
+    found = []
+    taken = np.zeros(len(gallery.records), dtype=bool)
+    begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records)))
+    for n in np.argsort(-best, kind="stable"):
+        k = int(gallery.owner[n])
+        if taken[k]:
+            continue
+        taken[k] = True
+        proposal = int(n - begins[k])
+        found.append(
+            Seen(gallery.keys[k], float(best[n]), proposal,
+                 _sighted(what, gallery.records[k], proposal))
+        )  # fmt: skip
+        if len(found) == _SHORT:
+            break
+    return sorted(found, key=lambda s: -(s.sighting.n_matches if s.sighting else 0))
+
+
+def _sighted(what: Sought, record: LandmarkRecord, proposal: int) -> Sighting | None:
+    """Where the keypoints of a picture are found around a proposal, by the one that agrees best."""
+    right, left = record.proposals.box[proposal, :2]
+    found = []
+    for picture in what.pictures:
+        half_width_rad = picture.rig.span_rad / 2
+        template = template_around(picture.features, 0.0, half_width_rad, (LOWEST_SLOPE, np.inf))
+        found.append(
+            locate(template, record.features, float(right + left) / 2, float(left - right) + 0.1)
+        )
+    return max((s for s in found if s), key=lambda s: s.n_matches, default=None)
