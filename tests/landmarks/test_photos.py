@@ -229,7 +229,7 @@ def test_two_panoramas_are_compared_as_such(tmp_path: Path) -> None:
     for name, pose in zip("ab", poses, strict=True):
         (tmp_path / name).mkdir()
         sights.look(pose).save(tmp_path / name)
-    found = landmarks_of_files(tmp_path / "a", tmp_path / "b")
+    found = landmarks_of_files(tmp_path / "a", tmp_path / "b", "sift")
     assert found.rig == sights.RIG
     assert np.array_equal(found.a_rgb, sights.look(poses[0]).cylinder)
     assert len(found.claims) > 10 and all(c.a.bearing_rad is not None for c in found.claims)

@@ -49,6 +49,9 @@ def landmarks(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PICTURE.png", help="Draw them.")
     ] = None,
+    variant: Annotated[
+        str, typer.Option(help="Of panoramas: sift, cnn, cnn+sift, or MODULE:NAME of your own.")
+    ] = "cnn+sift",
     as_json: Json = False,
 ) -> None:
     """Find what two photographs or panoramas have in common."""
@@ -56,7 +59,7 @@ def landmarks(
     from vrchain.plots.pictures import common_landmarks_figure
     from vrchain.plots.save import png_bytes
 
-    found = landmarks_of_files(a, b)
+    found = landmarks_of_files(a, b, variant)
     claims = found.claims
     if output is not None:
         figure = common_landmarks_figure(

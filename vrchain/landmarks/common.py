@@ -121,12 +121,17 @@ def compare(
 def common_landmarks(
     a: Panorama, b: Panorama, config: MatchConfig | None = None
 ) -> tuple[CommonLandmark, ...]:
-    """Common landmarks of two panoramas, surest first; ImageError: one is blank, or rigs differ."""
+    """Common landmarks by SIFT alone, surest first; ImageError: one is blank, or rigs differ."""
+    check_comparable(a, b)
+    return compare(extract(a), extract(b), a.rig, config).common
+
+
+def check_comparable(a: Panorama, b: Panorama) -> None:
+    """Raise ImageError unless both were taken with one camera rig and show something."""
     if a.rig != b.rig:
         raise ImageError(f"expected two panoramas of one camera rig, got {a.rig} and {b.rig}")
     for name, panorama in (("first", a), ("second", b)):
         check_not_blank(panorama.cylinder, f"the {name} panorama")
-    return compare(extract(a), extract(b), a.rig, config).common
 
 
 def check_not_blank(image_rgb: NDArray[np.uint8], what: str) -> None:

@@ -24,11 +24,12 @@ class ConstellationConfig:
     """How proposals are joined."""
 
     candidates: int = 4  # most alike ones of each proposal from which a relative pose is guessed
-    guesses: int = 3000  # relative poses tried
-    kept: int = 12  # of them settled by least squares
+    heard: int = 200  # of the candidates, the most alike, say which guesses are worth settling
+    guesses: int = 2000  # relative poses tried
+    kept: int = 10  # of them settled by least squares
     area_m2: float = 2000.0  # where a landmark might as well stand: rivals of the right place
     reach_m: float = 70.0  # robots farther apart than this are not looked for
-    loosen: float = 1.3  # ranges are less sure than the network says
+    loosen: float = 1.0  # how many times less sure places are than the network says
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,7 +67,9 @@ def join(
         return None
     shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
     own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
-    support = _support(poses, *own, i, config)
+    heard = np.sort(np.argsort(-looks[i, j], kind="stable")[: config.heard])
+    at_a, at_b, unsure_a, unsure_b, alike = (_narrow(x[heard]) for x in own)
+    support = _support(_narrow(poses), at_a, at_b, unsure_a, unsure_b, alike, i[heard], config)
     kept = _distinct(poses, support, config.kept)
     settled = [_settle(poses[k], *own, config) for k in kept]
     support = _support(np.stack([pose for pose, _ in settled]), *own, i, config)
@@ -237,6 +240,11 @@ def _covariances(found: Proposals, loosen: float) -> Array:
         deep[:, None, None] * along[:, :, None] * along[:, None, :]
         + wide[:, None, None] * across[:, :, None] * across[:, None, :]
     )
+
+
+def _narrow(values: Array) -> Array:
+    """Half as wide, nearly twice as fast, and exact enough to choose by."""
+    return values.astype(np.float32)
 
 
 def _rotations(heading_rad: Array) -> Array:

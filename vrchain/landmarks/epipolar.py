@@ -64,6 +64,22 @@ class PlanarGeometry:
             return np.inf, np.inf
         return abs(float(np.sin(db) / parallax)), abs(float(np.sin(da) / parallax))
 
+    def allows(
+        self,
+        bearing_a_rad: Array,
+        slope_a: Array,
+        bearing_b_rad: Array,
+        slope_b: Array,
+        tolerance_rad: float = _TOLERANCE_RAD,
+    ) -> NDArray[np.bool_]:
+        """Which directions (n,) from A and (m,) from B may show one point: (n, m)."""
+        n, m = len(bearing_a_rad), len(bearing_b_rad)
+        a, b = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
+        theta = np.array([self.direction_rad])
+        psi = theta - self.heading_rad
+        matches = bearing_a_rad[a], slope_a[a], bearing_b_rad[b], slope_b[b]
+        return _inliers(theta, psi, *matches, tolerance_rad)[0].reshape(n, m)
+
 
 def estimate(
     bearing_a_rad: Array,

@@ -5,23 +5,33 @@ are matched by SIFT, obey the same relative pose, and sharpen it. Each joined pa
 scored by the probability that it is right.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from vrchain.errors import ImageError
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, view_box
-from vrchain.landmarks.constellation import Constellation, ConstellationConfig, by_looks, join
+from vrchain.landmarks.constellation import (
+    Constellation,
+    ConstellationConfig,
+    by_looks,
+    join,
+)
 from vrchain.landmarks.epipolar import PlanarGeometry, estimate
-from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.proposer import Proposals, overlaps
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
 from vrchain.landmarks.record import LandmarkRecord, owners
 from vrchain.landmarks.sift import mutual_matches
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
+Matched = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Keypoints of A and of B, those of one place being the same point."""
+
+_NONE = np.empty(0, dtype=np.int64)
 
 FEATURES = (
     "looks", "place", "evidence", "rival", "matches", "doubt_a", "doubt_b", "range", "tied",
@@ -36,10 +46,14 @@ class JointConfig:
     embedding: bool = True  # whether looks do; without, by places alone
     geometry: bool = True  # whether places do; without, by looks alone
     ratio: float = 0.85  # nearest over second nearest descriptor distance, within a pair
+    anywhere: int = 1500  # largest keypoints that are matched all over, for the relative pose
+    ratio_anywhere: float = 0.8
     joined: float = -2.0  # log-odds from which a pair's keypoints are matched
     agree_rad: float = 0.2  # keypoints sharpen a relative pose; they do not overthrow it
     min_inliers: int = 8
+    alike_descriptors: float = 300.0  # distance of descriptors of keypoints that match
     min_support: int = 5  # matched keypoints from which they, not the region, are the support
+    same_box: float = 0.3  # intersection over union from which two claims are of one landmark
     min_score: float = 0.5  # claims below this are not made
     constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
 
@@ -56,19 +70,26 @@ def compare_joint(
     config: JointConfig | None = None,
     calibration: Calibration | None = None,
 ) -> Comparison:
-    """Common landmarks of two panoramas of one rig, surest first."""
+    """Common landmarks of two panoramas, surest first.
+
+    ImageError if they are of different rigs, or their records of different weights.
+    """
+    for what, one, other in (
+        ("rig", a.rig, b.rig),
+        ("weights and configuration", a.maker, b.maker),
+    ):
+        if one != other:
+            raise ImageError(f"expected two landmark records of one {what}, got {one} and {other}")
     config = config or JointConfig()
     calibration = calibration or load_calibration()
     found = candidates(a, b, config, calibration)
     if found is None:
         return Comparison((), None)
     worth = calibration.claims[config.name]
-    claims = [
-        claim(a, b, found, k, float(score), config)
-        for k, score in enumerate(worth.probability(found.features))
-        if score >= config.min_score
-    ]
-    return Comparison(tuple(sorted(claims, key=lambda c: -c.score)), found.geometry)
+    score = worth.probability(found.features)
+    kept = distinct(a, b, found.pairs, score, config)
+    claims = [claim(a, b, found, k, float(score[k]), config) for k in kept]
+    return Comparison(tuple(c for c in claims if c.score >= config.min_score), found.geometry)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +101,7 @@ class Candidates:
 
     pairs: NDArray[np.int64]
     features: Array
-    support: tuple[tuple[NDArray[np.int64], NDArray[np.int64]], ...]
+    support: tuple[Matched, ...]
     geometry: PlanarGeometry | None
 
 
@@ -100,11 +121,16 @@ def candidates(
     if joined is None or len(joined.pairs) == 0:
         return None
     geometry = _geometry_of(joined, a.rig) if config.geometry else None
-    pairs = joined.pairs
-    none = np.empty(0, dtype=np.int64)
-    support = [(none, none)] * len(pairs)
+    support: list[Matched] = [(_NONE, _NONE)] * len(joined.pairs)
     if config.sift:
-        geometry, support = _sharpened(a, b, joined, geometry, config)
+        inside = _inside(a, b, joined)
+        matched = [_matched(a, b, own, config.ratio) for own in inside]
+        exact = _exact(a, b, [_anywhere(a, b, config), *matched], geometry, config)
+        if exact is not None:
+            geometry = exact
+            support = [_guided(a, b, own, exact, config) for own in inside]
+        support = support if geometry else matched
+    pairs = joined.pairs
     gain = joined.looks + joined.place
     i, j = pairs.T
     rivals = gain.copy()
@@ -126,6 +152,29 @@ def candidates(
     return Candidates(pairs, features, tuple(support), geometry)
 
 
+def distinct(
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    pairs: NDArray[np.int64],
+    score: Array,
+    config: JointConfig,
+) -> list[int]:
+    """Which of the pairs (n, 2) stay, surest first: none overlaps with a surer one in A or in B.
+
+    A landmark is proposed whole and in pieces; one claim of it is enough, and the others are worse.
+    """
+    same = np.zeros((len(pairs), len(pairs)), dtype=bool)
+    for record, index in zip((a, b), pairs.T, strict=True):
+        right, left, low, high = record.proposals.box[index].T
+        boxes = np.stack([-left, -high, -right, -low], axis=1)
+        same |= overlaps(boxes, boxes, 2 * np.pi) > config.same_box
+    kept: list[int] = []
+    for k in map(int, np.argsort(-score, kind="stable")):
+        if not same[k, kept].any():
+            kept.append(k)
+    return kept
+
+
 def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:
     x_m, y_m = joined.xy_m
     apart_m = max(float(np.hypot(x_m, y_m)), 1e-6)
@@ -140,41 +189,60 @@ def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:
     )
 
 
-def _sharpened(
+def _inside(a: LandmarkRecord, b: LandmarkRecord, joined: Constellation) -> list[Matched]:
+    """The keypoints of each pair's proposals."""
+    owner_a, owner_b = (owners(r.rig, r.proposals, r.features) for r in (a, b))
+    return [(np.flatnonzero(owner_a == i), np.flatnonzero(owner_b == j)) for i, j in joined.pairs]
+
+
+def _anywhere(a: LandmarkRecord, b: LandmarkRecord, config: JointConfig) -> Matched:
+    """Keypoints that match all over, the largest: they say most of the relative pose."""
+    own = tuple(np.argsort(-r.features.size_rad, kind="stable")[: config.anywhere] for r in (a, b))
+    return _matched(a, b, (own[0], own[1]), config.ratio_anywhere)
+
+
+def _matched(a: LandmarkRecord, b: LandmarkRecord, own: Matched, ratio: float) -> Matched:
+    described_a, described_b = a.features.descriptors[own[0]], b.features.descriptors[own[1]]
+    ia, ib = mutual_matches(described_a, described_b, ratio)
+    return own[0][ia], own[1][ib]
+
+
+def _exact(
     a: LandmarkRecord,
     b: LandmarkRecord,
-    joined: Constellation,
+    matched: list[Matched],
     rough: PlanarGeometry | None,
     config: JointConfig,
-) -> tuple[PlanarGeometry | None, list[tuple[NDArray[np.int64], NDArray[np.int64]]]]:
-    """The relative pose by keypoints of joined proposals, where they agree; and their matches."""
-    owner_a, owner_b = (owners(r.rig, r.proposals, r.features) for r in (a, b))
-    matched_a, matched_b, pair = [], [], []
-    for number, (i, j) in enumerate(joined.pairs):
-        own_a, own_b = np.flatnonzero(owner_a == i), np.flatnonzero(owner_b == j)
-        ia, ib = mutual_matches(
-            a.features.descriptors[own_a], b.features.descriptors[own_b], config.ratio
-        )
-        matched_a.append(own_a[ia])
-        matched_b.append(own_b[ib])
-        pair.append(np.full(len(ia), number))
+) -> PlanarGeometry | None:
+    """The relative pose by matched keypoints, if it agrees with that by proposals."""
     if rough is None:
-        return None, list(zip(matched_a, matched_b, strict=True))
-    ia, ib, owner = (np.concatenate(x).astype(int) for x in (matched_a, matched_b, pair))
+        return None
+    ia, ib = (np.concatenate(side) for side in zip(*matched, strict=True))
     fa, fb = a.features.take(ia), b.features.take(ib)
     exact = estimate(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, config.min_inliers)
-    none = np.empty(0, dtype=np.int64)
     if exact is None or not _agree(exact, rough, config.agree_rad):
-        return rough, [(none, none)] * len(joined.pairs)
-    support = []
-    for k in range(len(joined.pairs)):
-        own = exact.inliers & (owner == k)
-        support.append((ia[own], ib[own]))
-    baseline = rough.baseline_heights
-    sharp = PlanarGeometry(
-        exact.direction_rad, exact.heading_rad, exact.inliers, exact.direction_std_rad, baseline
-    )
-    return sharp, support
+        return None
+    return replace(exact, baseline_heights=rough.baseline_heights)
+
+
+def _guided(
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    own: Matched,
+    geometry: PlanarGeometry,
+    config: JointConfig,
+) -> Matched:
+    """Keypoints that match where the relative pose lets them, no ratio test being needed then."""
+    if min(map(len, own)) == 0:
+        return _NONE, _NONE
+    fa, fb = a.features.take(own[0]), b.features.take(own[1])
+    wide_a, wide_b = fa.descriptors.astype(np.float32), fb.descriptors.astype(np.float32)
+    square = (wide_a**2).sum(1)[:, None] + (wide_b**2).sum(1) - 2 * wide_a @ wide_b.T
+    square[~geometry.allows(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope)] = np.inf
+    best_b, best_a = square.argmin(axis=1), square.argmin(axis=0)
+    k = np.arange(len(fa))
+    good = (best_a[best_b] == k) & (square[k, best_b] < config.alike_descriptors**2)
+    return own[0][good], own[1][best_b[good]]
 
 
 def _agree(exact: PlanarGeometry, rough: PlanarGeometry, within_rad: float) -> bool:
@@ -195,7 +263,7 @@ def claim(
     bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
     support_a, support_b = found.support[k]
     if len(support_a) < config.min_support:
-        support_a = support_b = np.empty(0, dtype=np.int64)
+        support_a = support_b = _NONE
     return CommonLandmark(
         score,
         region_of(a.proposals, int(i), a.rig),

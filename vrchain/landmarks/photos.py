@@ -16,11 +16,11 @@ from vrchain.landmarks.common import (
     CommonLandmark,
     Region,
     check_not_blank,
-    common_landmarks,
     group_by_nearness,
     support_score,
 )
 from vrchain.landmarks.sift import Keypoints, detect, mutual_matches, root
+from vrchain.landmarks.variants import DEFAULT, compared, variant_named
 from vrchain.panorama import CameraRig, Panorama, read_image
 
 _LONGEST_SIDE_PX = 1000
@@ -131,17 +131,17 @@ class FileComparison:
     rig: CameraRig | None
 
 
-def landmarks_of_files(a: str | Path, b: str | Path) -> FileComparison:
+def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> FileComparison:
     """Common landmarks of two files, each a photograph or a panorama's folder.
 
-    Two panoramas are compared as such. A panorama beside a photograph is taken as its views, of
-    which the one with the most in common counts. ImageError names a file that cannot serve.
+    Two panoramas are compared as such, by the variant of that name. A panorama beside a photograph
+    is taken as its views, of which the one with the most in common counts. ImageError names a file
+    that cannot serve.
     """
     left, right = _load(a), _load(b)
     if isinstance(left, Panorama) and isinstance(right, Panorama):
-        return FileComparison(
-            common_landmarks(left, right), left.cylinder, right.cylinder, left.rig
-        )
+        seen = compared(variant_named(variant), left, right)
+        return FileComparison(seen.common, left.cylinder, right.cylinder, left.rig)
     views_a, views_b = _views(left), _views(right)
     described_a, described_b = ([described(v) for v in views] for views in (views_a, views_b))
     found = {

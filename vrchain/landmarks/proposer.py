@@ -8,14 +8,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.raster import (
-    cell_slopes,
-    picture_of,
-)
+from vrchain.landmarks.raster import CELL_PX, cell_slopes, picture_of
 from vrchain.panorama import CameraRig, Panorama
 
 if TYPE_CHECKING:
@@ -29,6 +27,8 @@ _LEAST_LANDMARK = 0.35  # probability from which a cell belongs to a landmark
 _SAME_BOX = 0.5  # intersection over union from which two boxes are one proposal
 _DRAFT_BOX = 0.2  # a cell whose own box overlaps less with each draft has no say in them
 _OWN_BOX = 0.3  # a cell whose own box overlaps less with each proposal belongs to none
+_AROUND_PX, _LEAST_CONTRAST = 49, 1.0  # grey levels
+_NOISE = 0.5  # share of the contrast that noise keeps when it is blurred, at most
 _LEAST_CELLS = 3
 _MOST = 160
 _LEAST_UNSURE_RAD = 0.004
@@ -81,12 +81,31 @@ def propose(panorama: Panorama, network: "Network") -> Proposals:
     """What may be landmarks in a panorama."""
     import torch
 
-    picture = torch.from_numpy(picture_of(panorama)).permute(2, 0, 1)[None]
+    shown = picture_of(panorama)
+    picture = torch.from_numpy(shown).permute(2, 0, 1)[None]
     network.eval()
     with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16):
         pixels = (picture.float() / 255).contiguous(memory_format=torch.channels_last)
         answers = {k: a[0].numpy() for k, a in network(pixels).items()}
+    answers["landmark"][0][_blank(shown)] = -np.inf
     return from_answers(answers, panorama.rig)
+
+
+def _blank(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Cells around which there is nothing but one colour, or noise: (rows, columns).
+
+    So it is where a camera failed. Of what noise there is, little is left when it is blurred.
+    """
+    grey = picture.mean(axis=2, dtype=np.float32)
+    fine, coarse = _deviation(grey), _deviation(cv2.blur(grey, (3, 3)))
+    return np.asarray((fine < _LEAST_CONTRAST) | (coarse < _NOISE * fine))
+
+
+def _deviation(grey: ArrayLike) -> NDArray[np.float32]:
+    """The standard deviation around each cell."""
+    x = np.asarray(grey, dtype=np.float32)
+    mean, square = (cv2.blur(v, (_AROUND_PX, _AROUND_PX)) for v in (x, x * x))
+    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0))[::CELL_PX, ::CELL_PX])
 
 
 def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Proposals:
@@ -170,7 +189,7 @@ def nothing(dimensions: int = 64) -> Proposals:
 
 
 def overlaps(
-    a: NDArray[np.floating], b: NDArray[np.floating], period: int | None = None
+    a: NDArray[np.floating], b: NDArray[np.floating], period: float | None = None
 ) -> NDArray[np.floating]:
     """Intersection over union of boxes (n, 4) and (m, 4): left, top, right, bottom. (n, m).
 

@@ -31,8 +31,9 @@ _SLOPE = 2**13
 class RecordConfig:
     """What of a panorama is kept."""
 
-    keypoints: int = 1200  # at most, the largest first: they are found again from farther away
-    outside: float = 0.25  # share of them kept for what lies in no proposal
+    keypoints: int = 2400  # at most
+    each: int = 24  # of each proposal, the largest first: they are found again from farther away
+    outside: float = 0.2  # share of them kept for what lies in no proposal
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,10 +88,15 @@ def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> N
 
 
 def _kept(found: Features, proposals: Proposals, rig: CameraRig, config: RecordConfig) -> Features:
-    inside = owners(rig, proposals, found) >= 0
+    owner = owners(rig, proposals, found)
     largest_first = np.argsort(-found.size_rad, kind="stable")
-    outside = largest_first[~inside[largest_first]][: int(config.keypoints * config.outside)]
-    within = largest_first[inside[largest_first]][: config.keypoints - len(outside)]
+    by_owner = largest_first[np.argsort(owner[largest_first], kind="stable")]
+    begins = np.searchsorted(owner[by_owner], owner[by_owner])
+    rank = np.empty(len(found), dtype=np.int64)
+    rank[by_owner] = np.arange(len(found)) - begins
+    outside = largest_first[owner[largest_first] < 0][: int(config.keypoints * config.outside)]
+    own = np.flatnonzero((owner >= 0) & (rank < config.each))
+    within = own[np.argsort(rank[own], kind="stable")][: config.keypoints - len(outside)]
     return found.take(np.sort(np.concatenate([within, outside])))
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from vrchain.errors import MissionError
 from vrchain.landmarks.calibration import load_calibration
-from vrchain.landmarks.common import Comparison, MatchConfig, compare
+from vrchain.landmarks.common import Comparison, MatchConfig, check_comparable, compare
 from vrchain.landmarks.joint import JointConfig, compare_joint
 from vrchain.landmarks.record import LandmarkRecord, examine, maker_of
 from vrchain.landmarks.sift import Features, extract
@@ -62,6 +62,12 @@ def learned(
     look = _look_by(weights)
     joining = partial(compare_joint, config=config, calibration=calibration)
     return Variant(name or config.name, look, joining, _kept, maker_of(weights))
+
+
+def compared(variant: Variant, a: Panorama, b: Panorama) -> Comparison:
+    """What two panoramas have in common. ImageError: one is blank, or their rigs differ."""
+    check_comparable(a, b)
+    return variant.compare(variant.look(a), variant.look(b))
 
 
 def at_half_resolution(variant: Variant) -> Variant:

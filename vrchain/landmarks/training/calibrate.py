@@ -15,8 +15,15 @@ from tqdm.auto import tqdm
 from vrchain.geometry import Pose
 from vrchain.landmarks.calibration import Calibration, fit
 from vrchain.landmarks.common import Comparison
-from vrchain.landmarks.joint import JointConfig, candidates, claim, mask_of
-from vrchain.landmarks.quality import judge
+from vrchain.landmarks.joint import (
+    Candidates,
+    JointConfig,
+    candidates,
+    claim,
+    distinct,
+    mask_of,
+)
+from vrchain.landmarks.quality import Verdict, judge
 from vrchain.landmarks.record import LandmarkRecord, examine
 from vrchain.landmarks.training.examples import varied_suburb
 from vrchain.panorama import CameraRig
@@ -69,25 +76,60 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
     elsewhere = list(zip(strangers[:-2], strangers[2:], strict=True))
     claims = {}
     for joint in WEIGHED:
-        features, right = [], []
+        weighed = []
         for truth, a, b in tqdm(pairs, desc=joint.name, unit="", disable=None):
-            seen = candidates(a.record, b.record, joint, rough)
-            if seen is None:
-                continue
-            made = [claim(a.record, b.record, seen, k, 1.0, joint) for k in range(len(seen.pairs))]
-            verdicts = judge(
-                Comparison(tuple(made), seen.geometry), truth, (a.pose, b.pose),
-                (a.record.features, b.record.features), a.record.rig,
-            )  # fmt: skip
-            features.append(seen.features)
-            right += [v.right for v in verdicts]
-        for a, b in elsewhere:
-            seen = candidates(a.record, b.record, joint, rough)
-            if seen is not None:
-                features.append(seen.features)
-                right += [False] * len(seen.pairs)
-        claims[joint.name] = fit(np.concatenate(features), np.array(right))
+            joined = candidates(a.record, b.record, joint, rough)
+            if joined is not None:
+                verdicts = _verdicts(truth, a, b, joined, joint)
+                weighed.append(_Weighed(a.record, b.record, joined, verdicts))
+        for one, other in elsewhere:
+            joined = candidates(one.record, other.record, joint, rough)
+            if joined is not None:
+                weighed.append(_Weighed(one.record, other.record, joined, None))
+        first = fit(np.concatenate([w.found.features for w in weighed]),
+                    np.concatenate([w.right for w in weighed]))  # fmt: skip
+        kept = [w.distinct(first.probability(w.found.features), joint) for w in weighed]
+        claims[joint.name] = fit(
+            np.concatenate([w.found.features[k] for w, k in zip(weighed, kept, strict=True)]),
+            np.concatenate([w.right[k] for w, k in zip(weighed, kept, strict=True)]),
+        )
     return Calibration(scale, even, claims)
+
+
+@dataclass(frozen=True, eq=False)
+class _Weighed:
+    """Joined pairs of two panoramas and what truth says of them; None: nothing is right."""
+
+    a: LandmarkRecord
+    b: LandmarkRecord
+    found: Candidates
+    verdicts: list[Verdict] | None
+
+    @property
+    def right(self) -> NDArray[np.bool_]:
+        if self.verdicts is None:
+            return np.zeros(len(self.found.pairs), dtype=bool)
+        return np.array([v.right for v in self.verdicts])
+
+    def distinct(self, score: Array, joint: JointConfig) -> NDArray[np.int64]:
+        """Those that are claimed, no two of the same objects."""
+        kept = distinct(self.a, self.b, self.found.pairs, score, joint)
+        if self.verdicts is not None:
+            first: dict[tuple[str, str], int] = {}
+            for k in kept:
+                first.setdefault((self.verdicts[k].object_a, self.verdicts[k].object_b), k)
+            kept = list(first.values())
+        return np.array(kept, dtype=np.int64)
+
+
+def _verdicts(
+    truth: GroundTruth, a: Sight, b: Sight, found: Candidates, joint: JointConfig
+) -> list[Verdict]:
+    made = [claim(a.record, b.record, found, k, 1.0, joint) for k in range(len(found.pairs))]
+    return judge(
+        Comparison(tuple(made), found.geometry), truth, (a.pose, b.pose),
+        (a.record.features, b.record.features), a.record.rig,
+    )  # fmt: skip
 
 
 def _worth_of_looks(pairs: list[tuple[Sight, Sight]]) -> tuple[float, float]:
