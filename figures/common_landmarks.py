@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.experiments.results import Results, suburb
-from vrchain.landmarks.common import common_landmarks
+from vrchain.landmarks.variants import DEFAULT, compared, variant_named
 from vrchain.panorama import CameraRig
 from vrchain.plots.pictures import claims_table, common_landmarks_figure
 from vrchain.plots.scripts import run_script
@@ -17,7 +17,7 @@ def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
     rig, renderer = CameraRig(), Renderer(suburb())
     poses = next(draw_pairs(suburb(), 1, (5.0, 10.0), results.profile.seed))
     a, b = (renderer.render(pose, rig) for pose in poses)
-    claims = common_landmarks(a, b)
+    claims = compared(variant_named(DEFAULT), a, b).common
     spacing_m = poses[0].distance_to_m(poses[1].xy_m)
     titles = ("what R1 sees", f"what R2 sees, {spacing_m:.1f} m away and turned otherwise")
     return common_landmarks_figure(a.cylinder, b.cylinder, claims, rig, titles), claims_table(

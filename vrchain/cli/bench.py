@@ -40,6 +40,27 @@ def render(
 
 
 @app.command()
+def landmarks(
+    spec: Spec = SCENES / "suburb.yaml",
+    positions: Annotated[int, typer.Option(help="Panoramas, and pairs of them.")] = 15,
+    seed: Seed = 3000,
+    as_json: Json = False,
+) -> None:
+    """Time the network's proposals, a publisher's extraction and the comparison of two panoramas.
+
+    Times are in microseconds; reference: SIFT over whole panoramas, in turns with it; ratio: the
+    median over that; bar: what the median should not exceed.
+    """
+    from vrchain.experiments.bench_landmarks import bench_landmarks
+
+    table = bench_landmarks(spec, positions, seed=seed)
+    if as_json:
+        print(_json(rows=table))
+        return
+    print(table.round(2).to_string(index=False, na_rep="-"))
+
+
+@app.command()
 def distinct(
     spec: Spec = SCENES / "suburb.yaml",
     spacing: Annotated[
