@@ -25,6 +25,9 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Ledger, Pee
         new_ledger(tmp_path_factory.mktemp("peer") / "ledger") as ledger,
         PeerProcess(ledger.entry(0)) as peer,
     ):
+        # tests may run in any order and number: each finds a peer that has followed so far
+        first = ledger.publish("R1", KEYS["R1"], b"first", "view", 0)
+        peer.send(ledger.head, (first,), b"first")
         yield ledger, peer
 
 

@@ -22,6 +22,7 @@ from vrchain.landmarks.common import (
 from vrchain.landmarks.sift import Keypoints, detect, mutual_matches, root
 from vrchain.landmarks.variants import DEFAULT, compared, variant_named
 from vrchain.panorama import CameraRig, Panorama, read_image
+from vrchain.seeding import generator
 
 _LONGEST_SIDE_PX = 1000
 _LEAST_SIDE_PX = 16
@@ -44,11 +45,18 @@ class PhotoConfig:
     either: bool = True  # the ratio test asked in one direction, not in both
     tolerance_px: float = 1.0
     min_inliers: int = 18  # matches that obey one fundamental matrix
+    shuffles: int = 5  # of who matches whom; more must agree than in any of them
     min_support: int = 6  # of them in a claim
 
 
 PLAIN = PhotoConfig(
-    root=False, ratio=0.8, either=False, tolerance_px=1.5, min_inliers=20, min_support=8
+    root=False,
+    ratio=0.8,
+    either=False,
+    tolerance_px=1.5,
+    min_inliers=20,
+    min_support=8,
+    shuffles=0,
 )  # what most tutorials do
 
 
@@ -88,12 +96,47 @@ def agreeing(
     a: Described, b: Described, config: PhotoConfig
 ) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Indices (m,), (m,) of matched keypoints that obey one fundamental matrix."""
-    described_a, described_b = (
+    ia, ib = _matches(a, b, config)
+    inlier = _obeying(a, b, ia, ib, config)
+    return ia[inlier], ib[inlier]
+
+
+def _matches(
+    a: Described, b: Described, config: PhotoConfig
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    known_a, known_b = (
         root(d.keypoints.descriptors) if config.root else d.keypoints.descriptors for d in (a, b)
     )
-    ia, ib = mutual_matches(described_a, described_b, config.ratio, config.either)
-    inlier = _fundamental_inliers(a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], config.tolerance_px)
-    return ia[inlier], ib[inlier]
+    return mutual_matches(known_a, known_b, config.ratio, config.either)
+
+
+def _obeying(
+    a: Described,
+    b: Described,
+    ia: NDArray[np.int64],
+    ib: NDArray[np.int64],
+    config: PhotoConfig,
+) -> NDArray[np.int64]:
+    """Which matches obey the fundamental matrix that most obey."""
+    mask = None
+    if len(ia) >= _LEAST_MATCHES:
+        with contextlib.suppress(cv2.error):  # raised where all matches lie on a few points
+            mask = cv2.findFundamentalMat(
+                a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], cv2.USAC_MAGSAC,
+                config.tolerance_px, 0.999, 10000,
+            )[1]  # fmt: skip
+    return np.flatnonzero(mask) if mask is not None else np.empty(0, dtype=np.int64)
+
+
+def _by_chance(a: Described, b: Described, config: PhotoConfig) -> int:
+    """The most matches that agree when it is shuffled who matches whom.
+
+    Keypoints in rows and grids agree on some fundamental matrix whatever they are matched with.
+    """
+    ia, ib = _matches(a, b, config)
+    draws = generator(0, "photographs", len(ia))
+    shuffled = (draws.permutation(ib) for _ in range(config.shuffles))
+    return max((len(_obeying(a, b, ia, other, config)) for other in shuffled), default=0)
 
 
 def claims_of(
@@ -102,7 +145,7 @@ def claims_of(
     """Common landmarks of two pictures, surest first."""
     config = config or PhotoConfig()
     ia, ib = agreeing(a, b, config)
-    if len(ia) < config.min_inliers:
+    if len(ia) < config.min_inliers or len(ia) <= _by_chance(a, b, config):
         return ()
     groups = group_by_nearness(
         a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], _GROUP_SHARE * _LONGEST_SIDE_PX
@@ -176,18 +219,6 @@ def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:
             f"got {width} x {height}"
         )
     check_not_blank(image_rgb, what)
-
-
-def _fundamental_inliers(
-    xy_a: NDArray[np.float64], xy_b: NDArray[np.float64], tolerance_px: float
-) -> NDArray[np.bool_]:
-    mask = None
-    if len(xy_a) >= _LEAST_MATCHES:
-        with contextlib.suppress(cv2.error):  # raised where all matches lie on a few points
-            mask = cv2.findFundamentalMat(xy_a, xy_b, cv2.USAC_MAGSAC, tolerance_px, 0.999, 10000)[
-                1
-            ]
-    return np.zeros(len(xy_a), dtype=bool) if mask is None else mask.ravel().astype(bool)
 
 
 def _region(found: Described, index: NDArray[np.int64]) -> Region:
