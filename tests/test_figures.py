@@ -22,6 +22,7 @@ EXPECTED = [
     "barn_map",
     "common_landmarks",
     "flood",
+    "home_vectors",
     "landmark_quality",
     "ledger",
     "ledger_size",

@@ -133,9 +133,10 @@ def common_landmarks_figure(
                     )
                 )
             axes.set_xlim(-0.5, image.shape[1] - 0.5)
+            highest = 0.08 * image.shape[0]  # or it would be cut off
             axes.text(
-                max(x0, 0.0), y0 - 4, str(number + 1), color="black", fontsize=8, clip_on=True,
-                bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
+                max(x0, 0.0), max(y0 - 4, highest), str(number + 1), color="black", fontsize=8,
+                clip_on=True, bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
             )  # fmt: skip
         ends = [
             ((x0 + x1) / 2, y1 if tall and i == 0 else y0)

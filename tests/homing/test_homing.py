@@ -33,7 +33,7 @@ def starts(n: int, low_m: float, high_m: float) -> list[Pose]:
 def test_home_lies_where_it_says(low_m: float, high_m: float, median_deg: float) -> None:
     off, sure = [], []
     for here in starts(6, low_m, high_m):
-        vector = home_vector(sight(here), sight(HOME))
+        vector = home_vector(sight(here), sight(HOME), arrived_m=0.25)
         off.append(off_deg(vector, here))
         sure.append(np.degrees(vector.std_rad))
         assert vector.n_matches >= 8 and -np.pi <= vector.bearing_rad < np.pi
@@ -62,27 +62,27 @@ def test_home_is_found_on_a_known_answer() -> None:
 def test_home_is_known_whichever_way_the_robot_faces(turn_rad: float) -> None:
     for here in (HOME, Pose(HOME.x_m + 0.05, HOME.y_m, HOME.yaw_rad)):
         turned = Pose(here.x_m, here.y_m, float(wrap_angle_rad(here.yaw_rad + turn_rad)))
-        vector = home_vector(sight(turned), sight(HOME))
+        vector = home_vector(sight(turned), sight(HOME), arrived_m=0.2)
         assert vector is not None and vector.arrived
         assert vector.n_matches > 50
     far = Pose(HOME.x_m + 2, HOME.y_m, float(wrap_angle_rad(HOME.yaw_rad + turn_rad)))
     assert not home_vector(sight(far), sight(HOME)).arrived
 
 
-def test_arrival_is_declared_within_its_own_measure() -> None:
+def test_arrival_is_declared_within_the_distance_asked_for() -> None:
     near = Pose(HOME.x_m + 0.6, HOME.y_m, 0.3)
-    assert not home_vector(sight(near), sight(HOME), arrived_rad=0.01).arrived
-    assert home_vector(sight(near), sight(HOME), arrived_rad=0.2).arrived
+    assert not home_vector(sight(near), sight(HOME), arrived_m=0.3).arrived
+    assert home_vector(sight(near), sight(HOME), arrived_m=1.2).arrived
 
 
 def test_following_the_vector_leads_home() -> None:
     here = Pose(3.5, 2.0, -2.0)
     for _ in range(12):
-        vector = home_vector(sight(here), sight(HOME))
+        vector = home_vector(sight(here), sight(HOME), arrived_m=0.25)
         assert vector is not None
         if vector.arrived:
             break
-        step_m = min(1.0, 0.5 * here.distance_to_m(HOME.xy_m) + 0.1)  # no way to know: be careful
+        step_m = min(1.0, vector.remoteness)
         course = here.yaw_rad + vector.bearing_rad
         here = Pose(
             here.x_m + step_m * float(np.cos(course)),
@@ -90,7 +90,7 @@ def test_following_the_vector_leads_home() -> None:
             course,
         )
     assert vector.arrived
-    assert here.distance_to_m(HOME.xy_m) < 0.5
+    assert here.distance_to_m(HOME.xy_m) < 0.3
 
 
 def test_nothing_in_common_is_no_vector() -> None:
