@@ -11,7 +11,7 @@ from vrchain.seeding import generator
 
 RIG = CameraRig()
 SHAPE = ROWS // CELL_PX, COLUMNS // CELL_PX
-KINDS, EMBEDDED = 15, 64
+KINDS, EMBEDDED, LOCAL = 15, 64, 32
 
 
 def looks(n: int, name: str = "looks") -> NDArray[np.float64]:
@@ -48,7 +48,9 @@ def perfect(
         "middle": np.zeros((4, *SHAPE), dtype=np.float32),
         "kind": np.zeros((KINDS, *SHAPE), dtype=np.float32),
         "embedding": np.zeros((EMBEDDED, *SHAPE), dtype=np.float32),
+        "local": np.zeros((LOCAL, *SHAPE), dtype=np.float32),
     }
+    waves = generator(0, "waves").normal(size=(3, LOCAL // 2))
     bearings = cell_bearings_rad(RIG)
     for i in np.unique(cells[cells >= 0]):
         row, column = np.nonzero(cells == i)
@@ -74,4 +76,9 @@ def perfect(
         )
         found["kind"][at] = np.eye(KINDS)[i % KINDS][:, None] * 5
         found["embedding"][at] = embedding[i][:, None]
+        # each spot by which thing it is on, how high, and how far to its side
+        high_m, aside_m = (x * np.hypot(*away) for x in (cell_slopes()[row], around * turn))
+        spot = np.stack([np.full(len(row), 7.0 * i), 3 * high_m, 3 * aside_m], axis=1)
+        phase = spot @ waves
+        found["local"][at] = np.concatenate([np.cos(phase), np.sin(phase)], axis=1).T
     return found

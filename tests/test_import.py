@@ -18,6 +18,7 @@ IMPORTED_LATE = (
     "vrchain.landmarks.training.learn",
     "vrchain.landmarks.training.losses",
     "vrchain.landmarks.training.profiles",
+    "vrchain.landmarks.training.spots",
 )
 
 

@@ -38,6 +38,7 @@ class Observation:
     odometry: its own estimate of its pose, in the frame in which it started at (0, 0, 0).
     range_ring_m: (n_beams,) float; beam i points along bearing 2 * pi * i / n_beams; readings end
     at the sensor's reach. bumped: the last motion ended in a contact. panorama: if it looked.
+    view_rad: the bearing that the panorama's camera looks along, if it is a single camera's view.
     """
 
     time_ns: int
@@ -45,6 +46,7 @@ class Observation:
     range_ring_m: NDArray[np.float64]
     bumped: bool = False
     panorama: Panorama | None = None
+    view_rad: float | None = None
 
 
 @dataclass(frozen=True)

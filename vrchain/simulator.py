@@ -4,7 +4,7 @@ It alone knows where the robots truly are; a robot is given an ``Observation``.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -139,19 +139,28 @@ class Simulator:
             body.path.append((body.pose.x_m, body.pose.y_m))
         self.clock_ns += round(duration_s * 1e9)
 
-    def observe(self, robot: str, *, look: bool = False) -> Observation:
+    def observe(
+        self, robot: str, *, look: bool = False, towards_rad: float | None = None
+    ) -> Observation:
         """What the robot senses now, with a panorama if it looks. Asking twice changes nothing.
 
         The others are in the panorama; its own mast and body are not, as if masked out.
+        towards_rad: look with one camera alone, that whose view shows most around a bearing.
         """
         body = self._body(robot)
         others = self.others(robot)
         panorama = self.renderer.render(body.pose, self.rig, others) if look else None
+        view_rad = None
+        if towards_rad is not None and not look:
+            view_rad = float(self.rig.azimuths_rad[self.rig.view_of_bearing(towards_rad)])
+            yaw_rad = float(wrap_angle_rad(body.pose.yaw_rad + view_rad))
+            eye = replace(body.pose, yaw_rad=yaw_rad)
+            panorama = self.renderer.render(eye, replace(self.rig, n_views=1), others)
         ring = self.true_ranges_m(robot)
         draws = generator(self.seed, "range", robot, self.clock_ns)
         noisy = ring + draws.normal(0.0, self.noise.range_m, N_BEAMS)
         noisy = np.where(ring < RANGE_MAX_M, np.clip(noisy, 0.0, RANGE_MAX_M), RANGE_MAX_M)
-        return Observation(self.clock_ns, body.odometry, noisy, body.bumped, panorama)
+        return Observation(self.clock_ns, body.odometry, noisy, body.bumped, panorama, view_rad)
 
     def true_ranges_m(self, robot: str) -> NDArray[np.float64]:
         """The range ring without noise, (N_BEAMS,) float: things, other robots, the map's edge.

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmark_evaluation import evaluate, row
+from vrchain.experiments.landmark_evaluation import accused, evaluate, row
 from vrchain.experiments.landmark_scores import as_table, summarise
 from vrchain.experiments.scenes import suburbs
 from vrchain.scene.spec import SceneSpec
@@ -20,7 +20,7 @@ def claim(suburb: int, pair: int, score: float, right: bool, **others: object) -
 
 def pair(suburb: int, number: int, co_visible: int, error_deg: float = 1.0) -> dict:
     return {
-        "suburb": suburb, "pair": number, "variant": "sift", "spacing_m": 5.0,
+        "suburb": suburb, "pair": number, "variant": "sift", "claimed": 0.5, "spacing_m": 5.0,
         "co_visible": co_visible, "ms": 10.0, "direction_error_deg": error_deg,
         "heading_error_deg": error_deg,
     }  # fmt: skip
@@ -95,3 +95,17 @@ def test_a_second_run_reads_what_the_first_found(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(a, b)
     summary = summarise(*first)["sift"]
     assert summary["n_pairs"] == 3 and 0 < summary["recall"] <= 1
+
+
+def test_the_accused_are_counted_by_where_they_stand() -> None:
+    found = pd.DataFrame(
+        {
+            "pair": [0, 1, 2, 3],
+            "variant": ["sift"] * 4,
+            "two_suburbs": [False, False, False, True],
+            "score": [0.0, 0.9, 0.0, 0.0],
+        }
+    )
+    table = accused(found)
+    assert table.two_suburbs.tolist() == [False, True] and table.pairs.tolist() == [3, 1]
+    assert table.claimed.tolist() == pytest.approx([1 / 3, 0.0])

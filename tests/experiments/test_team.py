@@ -25,6 +25,7 @@ from vrchain.experiments.team import (
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import co_visible
 from vrchain.ledger import Ledger, simulated_key, verify
+from vrchain.ledger.transaction import NO_BLOB
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
 from vrchain.robot import Drive, UpdateRules
@@ -208,6 +209,24 @@ def test_a_robot_publishes_by_the_rules(tmp_path: Path) -> None:
         assert robot.publications[-1].payload_bytes == len(ledger.payload(newest.payload_digest))
         assert robot.publications[-1].x_m == robot.simulator.pose("R1").x_m
     assert verify(tmp_path / "ledger").ok
+
+
+def test_landmarks_are_published_beside_the_panorama_where_they_are_asked_for(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vrchain.experiments.team.encode_record", lambda record: record)
+    simulator = Simulator(worlds.yard(), {"R1": Pose(0, 0), "R2": Pose(2, 2)}, seed=1, rig=RIG)
+    members = {name: simulated_key(1, name).public for name in simulator.robots}
+    with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
+        described = assemble(simulator, ledger, 1, examine=lambda seen: b"what it shows")["R1"]
+        plain = assemble(simulator, ledger, 1)["R2"]
+        described.observe(look=True), plain.observe(look=True)
+        newest = {name: ledger.latest(name) for name in ("R1", "R2")}
+        assert ledger.payload(newest["R1"].landmarks_digest) == b"what it shows"
+        assert newest["R2"].landmarks_digest == NO_BLOB
+        glance = described.observe(towards_rad=0.8)
+        assert glance.panorama.rig.n_views == 1 and glance.view_rad == pytest.approx(np.pi / 4)
+        assert len(described.publications) == 1  # a glance is not published
 
 
 def test_a_new_view_is_published(tmp_path: Path) -> None:

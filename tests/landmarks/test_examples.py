@@ -34,7 +34,9 @@ def test_examples_say_what_the_ray_caster_sees(made: Path) -> None:
     assert list(found.kinds) == [o.kind for o in scene.objects]
     bearing, slope = np.broadcast_arrays(cell_bearings_rad(rig)[None, :], cell_slopes()[:, None])
     pose = Pose(*map(float, found.poses[0]))
-    ids, _ = truth.look_along(pose, bearing, slope, rig)
+    ids, points_m = truth.look_along(pose, bearing, slope, rig)
+    range_m = np.linalg.norm(points_m[..., :2] - pose.xy_m, axis=-1)
+    np.testing.assert_allclose(found.range_m[0], np.nan_to_num(range_m), rtol=1e-3)
     shown = found.cells[0] >= 0
     assert shown.any() and (found.cells[0][shown] == ids[shown]).all()
     assert all(scene.objects[i].landmark for i in np.unique(found.cells[0][shown]))

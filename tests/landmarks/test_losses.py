@@ -9,6 +9,7 @@ import pytest
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.training.examples import Examples
+from vrchain.seeding import generator
 
 torch = pytest.importorskip("torch", reason="learned features need torch (extra `learned`)")
 from vrchain.landmarks.training.losses import (  # noqa: E402
@@ -29,7 +30,7 @@ def examples() -> Examples:
     cells = np.stack([answers.posts(p, CENTRES_M) for p in POSES]).astype(np.int16)
     kinds = ["house", "tree", "pole", "sign", "bin"]
     return Examples(
-        (), cells, np.zeros(2, dtype=np.int16),
+        (), cells, np.zeros(cells.shape, dtype=np.float16), np.zeros(2, dtype=np.int16),
         np.array([(p.x_m, p.y_m, p.yaw_rad) for p in POSES]), CENTRES_M, np.array(kinds),
         np.array(kinds),
     )  # fmt: skip
@@ -81,6 +82,18 @@ def test_landmarks_of_one_panorama_alone_teach_nothing_of_looks() -> None:
     loss = contrastive(one, torch.arange(5), torch.zeros(5), NOBODY)
     loss.backward()
     assert loss == 0 and (one.grad == 0).all()
+
+
+def test_a_part_of_a_landmark_looks_like_all_of_one_that_is_alike_all_over() -> None:
+    targets = [target_of(examples(), i) for i in range(2)]
+    whole = landmark_embeddings(said(), targets)[0]
+    parts = landmark_embeddings(said(), targets, draws=generator(0, "parts"))[0]
+    assert torch.allclose(whole, parts, atol=1e-5)
+    uneven = said()
+    uneven["embedding"] = uneven["embedding"] + torch.linspace(0, 1, answers.SHAPE[1])
+    whole = landmark_embeddings(uneven, targets)[0]
+    parts = landmark_embeddings(uneven, targets, draws=generator(0, "parts"))[0]
+    assert torch.isfinite(parts).all() and not torch.allclose(whole, parts, atol=1e-3)
 
 
 def test_boxes_around_a_cell_overlap_as_areas_do() -> None:

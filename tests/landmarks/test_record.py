@@ -14,6 +14,7 @@ from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.proposer import from_answers, nothing
 from vrchain.landmarks.record import LandmarkRecord, decode_record, encode_record, owners
 from vrchain.landmarks.sift import Features
+from vrchain.landmarks.spots import descriptors_of, spots_of
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 
@@ -32,7 +33,9 @@ def keypoints(n: int = N) -> Features:
 def record(n: int = N) -> LandmarkRecord:
     pose, looks = Pose(0, 0, 0), answers.looks(len(CENTRES_M))
     said = answers.perfect(answers.posts(pose, CENTRES_M), pose, CENTRES_M, looks)
-    return LandmarkRecord(answers.RIG, "ab" * 32, from_answers(said, answers.RIG), keypoints(n))
+    found = from_answers(said, answers.RIG)
+    spots = spots_of(found, answers.RIG, descriptors_of(found, said["local"]))
+    return LandmarkRecord(answers.RIG, "ab" * 32, found, keypoints(n), spots)
 
 
 def test_a_record_comes_back_as_it_was() -> None:
@@ -47,6 +50,10 @@ def test_a_record_comes_back_as_it_was() -> None:
     assert np.abs(off).max() < 1e-4  # a hundredth of a pixel is 1.8e-5
     assert np.abs(after.features.slope - before.features.slope).max() < 1e-4
     assert (after.features.descriptors == before.features.descriptors).all()
+    assert len(before.spots) > 50
+    for field in fields(before.spots):
+        was, now = (getattr(r.spots, field.name) for r in (before, after))
+        assert np.array_equal(was, now)
 
 
 def test_encoding_is_canonical() -> None:
@@ -58,7 +65,7 @@ def test_encoding_is_canonical() -> None:
 def test_a_record_of_nothing() -> None:
     empty = LandmarkRecord(CameraRig(n_views=1), "0" * 64, nothing(), keypoints(0))
     after = decode_record(encode_record(empty))
-    assert len(after.proposals) == len(after.features) == 0
+    assert len(after.proposals) == len(after.features) == len(after.spots) == 0
 
 
 def test_keypoints_know_the_proposal_they_lie_in() -> None:
@@ -99,6 +106,10 @@ def test_damaged_bytes_are_refused_or_decode(data: st.DataObject) -> None:
         ("proposals", 255),
         ("keypoints", 10**9),
         ("embedded", 0),
+        ("spots", [10**6, 32]),
+        ("spots", [0, 32]),
+        ("spots", [-1, -32]),
+        ("spots", [3]),
         ("rig", {"n_views": 0}),
     ],
 )

@@ -8,9 +8,12 @@ import sights
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.common import Comparison, compare
+from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.recognition import LOWEST_SLOPE, Goal, template_around
 from vrchain.landmarks.sift import Features
+from vrchain.navigation.eyes import Eyes, GoalPictures, Look
 from vrchain.panorama import CameraRig
 from vrchain.robot import Drive, Observation
 from vrchain.seeding import generator
@@ -18,6 +21,8 @@ from vrchain.seeding import generator
 RIG = CameraRig()
 BEAMS = 2 * np.pi * np.arange(72) / 72
 RANGE_MAX_M = 8.0
+CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
+NO_CELLS = np.empty(0, dtype=np.int64)
 
 
 def everywhere(pose: Pose) -> bool:
@@ -79,7 +84,28 @@ class Plain:
             ring = np.where(hit, np.minimum(ring, near), ring)
         return np.clip(ring, 0, RANGE_MAX_M)
 
-    def goal(self, name: str, *azimuths_rad: float) -> Goal:
+    def look(self, pose: Pose) -> Look:
+        """What a robot would make of it: each thing in view a proposal."""
+        shown = [t for t in self.things if len(t.features(pose))]
+        n = len(shown)
+        middle = [pose.bearing_to_rad(t.xy_m) for t in shown]
+        away = [pose.distance_to_m(t.xy_m) for t in shown]
+        side = [max(r - t.radius_m, 0.3) for r, t in zip(away, shown, strict=True)]
+        half = [np.arctan2(t.radius_m, r) for r, t in zip(away, shown, strict=True)]
+        box = [
+            (m - h, m + h, -1 / near, (t.height_m - 1) / near)
+            for m, h, near, t in zip(middle, half, side, shown, strict=True)
+        ]
+        proposals = Proposals(
+            np.ones(n), np.array(box).reshape(n, 4), np.array(middle), np.array(away),
+            np.full(n, 0.02), np.full(n, 0.1), np.zeros(n, dtype=np.int64),
+            np.array([embedding(t.looks or t.name) for t in shown], dtype=np.float32)
+            .reshape(n, 64), NO_CELLS, NO_CELLS,
+        )  # fmt: skip
+        features = self.features(pose)
+        return Look(RIG, proposals, features)
+
+    def goal(self, name: str, *azimuths_rad: float) -> GoalPictures:
         """Pictures of one thing from 8 m."""
         (thing,) = (t for t in self.things if t.name == name)
         made = []
@@ -89,14 +115,33 @@ class Plain:
             alone = Thing(name, thing.xy_m, thing.radius_m, thing.height_m, thing.n)
             seen = alone.features(pose)
             made.append(template_around(seen, 0.0, 0.2, (LOWEST_SLOPE, np.inf)))
-        return Goal(tuple(made))
+        surfaces_m = (8.0 - thing.radius_m,) * len(made)
+        return GoalPictures(embedding(name)[None], Goal(tuple(made)), CALIBRATION, surfaces_m)
+
+
+def embedding(looks: str) -> NDArray[np.float32]:
+    """What a design looks like to the network."""
+    drawn = generator(0, "embedding", looks).normal(size=64)
+    return np.asarray(drawn / np.linalg.norm(drawn), dtype=np.float32)
+
+
+def compared(a: Look, b: Look) -> Comparison:
+    """By keypoints alone."""
+    return compare(a.features, b.features, RIG)
+
+
+def _stored(panorama: bytes, landmarks: bytes | None) -> Look:
+    raise AssertionError("a plain's panoramas are no bytes")
+
+
+EYES = Eyes(lambda seen: seen.panorama.look, _stored, compared, CALIBRATION)  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True, eq=False)
 class Sight:
     """Stands in for a panorama: what would be found in it."""
 
-    features: Features
+    look: Look
     rig: CameraRig = RIG
 
 
@@ -114,10 +159,11 @@ class Walker:
     def __post_init__(self) -> None:
         self.start = self.pose
 
-    def observe(self, look: bool = False) -> Observation:
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
         self.looks += look
         ring = np.full(len(BEAMS), 0.3) if self.shut_in else self.plain.ring_m(self.pose)
-        sight = Sight(self.plain.features(self.pose)) if look else None
+        shown = look or towards_rad is not None
+        sight = Sight(self.plain.look(self.pose)) if shown else None
         distance, bearing = (
             self.start.distance_to_m(self.pose.xy_m),
             self.start.bearing_to_rad(self.pose.xy_m),
@@ -148,11 +194,11 @@ class PlainIndex:
     def newest(self) -> dict[str, bytes]:
         return {name: name.encode() for name in self.poses}
 
-    def features(self, digest: bytes) -> Features:
-        return self.plain.features(self.poses[digest.decode()])
+    def look(self, digest: bytes) -> Look:
+        return self.plain.look(self.poses[digest.decode()])
 
     def compare(self, a: bytes, b: bytes) -> Comparison:
-        return compare(self.features(a), self.features(b), RIG)
+        return compared(self.look(a), self.look(b))
 
-    def compare_with(self, current: Features, rig: CameraRig, b: bytes) -> Comparison:
-        return compare(current, self.features(b), rig)
+    def compare_with(self, current: Look, b: bytes) -> Comparison:
+        return compared(current, self.look(b))

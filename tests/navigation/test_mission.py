@@ -4,11 +4,11 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
-from navigation.plains import Plain, PlainIndex, Thing, Walker
+from navigation.plains import CALIBRATION, EYES, Plain, PlainIndex, Thing, Walker
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose
 from vrchain.landmarks.recognition import Goal
-from vrchain.navigation import mission
+from vrchain.navigation.eyes import GoalPictures
 from vrchain.navigation.mission import (
     Decision,
     MissionConfig,
@@ -19,12 +19,8 @@ from vrchain.navigation.mission import (
 
 GOAL_XY = (16.0, 8.0)
 HOME = Pose(0, 0, 0.5)
-QUICK = MissionConfig(limit_s=200.0)
-
-
-@pytest.fixture(autouse=True)
-def _see_without_sift(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mission, "extract", lambda sight: sight.features)
+QUICK = MissionConfig(limit_s=200.0, explores=False)
+PATIENT = MissionConfig(explores=False)
 
 
 def beyond(x_m: float):
@@ -54,7 +50,7 @@ def drive(
     *,
     start: Pose = HOME,
     config: MissionConfig = QUICK,
-    goal: Goal | None = None,
+    goal: GoalPictures | None = None,
     index: PlainIndex | None = None,
     shut_in: bool = False,
     told: list[Decision] | None = None,
@@ -63,7 +59,7 @@ def drive(
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
     tell = (lambda d: None) if told is None else told.append
-    return run_mission("R1", body, index.newest, index, goal, config, tell), body
+    return run_mission("R1", body, index.newest, index, goal, EYES, config, tell), body
 
 
 def words(result: MissionResult) -> list[str]:
@@ -80,7 +76,6 @@ def check_log(result: MissionResult, config: MissionConfig = QUICK) -> None:
     looks = [d.look for d in result.decisions if d.look is not None]
     assert all(0 <= look < len(result.looks) for look in looks)
     assert all(0 <= look < len(result.looks) for look, _ in result.plans)
-    assert len(result.plans) <= config.max_plans
     last = result.decisions[-1]
     assert last.what == ("arrived" if result.arrived else "gave up")
     assert last.why == result.reason
@@ -95,7 +90,7 @@ def test_a_goal_in_view_is_driven_to() -> None:
     result, body = drive(plain, {})  # with nobody in the ledger
     check_log(result)
     assert result.arrived and result.plans == ()
-    assert words(result) == ["approach", "reached", "arrived"]
+    assert words(result) == ["approach", "arrived"]
     assert goal_range_m(body) <= QUICK.arrival_m + 0.3
     assert result.decisions[0].values["matches"] >= 15
     assert abs(result.decisions[0].values["bearing_deg"]) < 8
@@ -128,8 +123,8 @@ def test_two_legs() -> None:
         replace(t, visible_from=(lambda p: p.x_m < 12)) if t.name == "first" else t
         for t in plain.things
     ))  # fmt: skip
-    result, body = drive(plain, team, config=MissionConfig())
-    check_log(result, MissionConfig())
+    result, body = drive(plain, team, config=PATIENT)
+    check_log(result, PATIENT)
     assert result.arrived, result.decisions
     assert body.pose.distance_to_m((30.0, 8.0)) - 1.5 <= 2.3
     assert result.plans[0][1].robots == ("R1", "R2", "R3")
@@ -153,7 +148,8 @@ def test_a_goal_that_is_nowhere() -> None:
     goal = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
     result, _ = drive(street(), TEAM, goal=goal)
     assert not result.arrived and "shows the goal" in result.reason
-    result, _ = drive(street(), TEAM, goal=Goal(()))
+    blank = GoalPictures(np.empty((0, 64), np.float32), Goal(()), CALIBRATION)
+    result, _ = drive(street(), TEAM, goal=blank)
     assert not result.arrived
 
 
@@ -175,26 +171,24 @@ def test_no_chain_leads_to_who_sees_the_goal() -> None:
     assert body.path == []
 
 
-def test_a_landmark_that_vanishes_is_given_up_for_another_or_for_good() -> None:
+def test_what_vanishes_is_looked_for_where_it_was_and_given_up() -> None:
     """Nothing but the place of R2 is seen any more from x > 2; R2's sight was from before."""
     fading = lambda pose: pose.x_m < 2 or pose.x_m == TEAM["R2"].x_m  # noqa: E731
     plain = Plain(tuple(replace(t, visible_from=fading) for t in street().things[1:]))
     goal = Thing("goal", GOAL_XY, visible_from=lambda p: p.x_m == TEAM["R2"].x_m)
     plain = Plain((goal, *plain.things))
-    result, body = drive(plain, TEAM)
+    result, _ = drive(plain, TEAM)
     check_log(result)
     assert not result.arrived
-    assert "lost" in words(result)
-    assert result.reason
-    assert 1 <= len(result.plans) <= QUICK.max_plans
+    assert "doubt" in words(result)  # it came to where the goal should be, and saw nothing of it
+    assert "no robot's newest panorama shows the goal" in result.reason  # R2 is not believed twice
     keys = [route.legs[0].key for _, route in result.plans]
     assert len(set(keys)) == len(keys)  # no landmark that failed is tried again
-    assert max(x for x, _ in body.path) < 12
 
 
 def test_a_robot_that_is_shut_in_is_blocked_and_gives_up() -> None:
-    result, body = drive(street(), TEAM, shut_in=True, config=MissionConfig())
-    check_log(result, MissionConfig())
+    result, body = drive(street(), TEAM, shut_in=True, config=PATIENT)
+    check_log(result, PATIENT)
     assert not result.arrived
     assert "blocked" in words(result) or "reached" in words(result)
     assert body.pose.distance_to_m(HOME.xy_m) == 0
@@ -204,15 +198,15 @@ def test_shut_in_with_the_goal_in_view() -> None:
     """It cannot be driven to, and the chain cannot either: the robot says so."""
     plain = street(visible_from=lambda pose: True)
     for others in ({}, TEAM):
-        result, _ = drive(plain, others, shut_in=True, config=MissionConfig())
-        check_log(result, MissionConfig())
+        result, _ = drive(plain, others, shut_in=True, config=PATIENT)
+        check_log(result, PATIENT)
         assert not result.arrived
         assert words(result)[:2] == ["approach", "blocked"]
 
 
 @pytest.mark.parametrize("limit_s", [0.0, 5.0, 12.0])
 def test_time_runs_out(limit_s: float) -> None:
-    config = MissionConfig(limit_s=limit_s)
+    config = MissionConfig(limit_s=limit_s, explores=False)
     result, body = drive(street(), TEAM, config=config)
     check_log(result, config)
     assert not result.arrived and result.reason == f"out of time after {limit_s:g} s"
@@ -220,16 +214,16 @@ def test_time_runs_out(limit_s: float) -> None:
 
 
 def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
-    """R2 sees a thing that has a fifth of the goal's looks."""
+    """R2 sees a thing that has an eighth of the goal's keypoints."""
     plain = Plain(
         (
-            Thing("double", GOAL_XY, looks="goal", share=0.22, visible_from=beyond(5.0)),
+            Thing("double", GOAL_XY, looks="goal", share=0.12, visible_from=beyond(5.0)),
             *street().things[1:],
         )
     )
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    result, _ = drive(plain, TEAM, goal=goal, config=MissionConfig())
-    check_log(result, MissionConfig())
+    result, _ = drive(plain, TEAM, goal=goal, config=PATIENT)
+    check_log(result, PATIENT)
     assert not result.arrived
     if "ledger" in words(result) and "doubt" in words(result):
         after = words(result)[words(result).index("doubt") :]
@@ -237,11 +231,11 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
 
 
 def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
-    plain = Plain((Thing("double", (9.0, 5.0), looks="goal", share=0.15), *street().things[1:]))
+    plain = Plain((Thing("double", (9.0, 5.0), looks="goal", share=0.1), *street().things[1:]))
     goal = street().goal("goal", 3.9, 3.4, -2.6, 1.0)
     for others in ({}, {"R2": Pose(2.0, -3.0)}):
-        result, _ = drive(plain, others, goal=goal, config=MissionConfig())
-        check_log(result, MissionConfig())
+        result, _ = drive(plain, others, goal=goal, config=PATIENT)
+        check_log(result, PATIENT)
         assert not result.arrived and result.reason
         assert words(result)[0] == "approach"
 
@@ -249,10 +243,10 @@ def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
 class Junk(PlainIndex):
     """One robot has signed and published what is no panorama."""
 
-    def features(self, digest: bytes):
+    def look(self, digest: bytes):
         if digest == b"R0":
             raise ImageError("expected an encoded panorama, got other bytes")
-        return super().features(digest)
+        return super().look(digest)
 
     def newest(self) -> dict[str, bytes]:
         return {"R0": b"R0", **super().newest()}
@@ -283,7 +277,14 @@ def test_a_failing_listener_is_not_swallowed() -> None:
     index = PlainIndex(plain, TEAM)
     with pytest.raises(Stop):
         run_mission(
-            "R1", Walker(plain, HOME), index.newest, index, plain.goal("goal", 3.9), QUICK, tell
+            "R1",
+            Walker(plain, HOME),
+            index.newest,
+            index,
+            plain.goal("goal", 3.9),
+            EYES,
+            QUICK,
+            tell,
         )
 
 
@@ -308,8 +309,8 @@ def test_where_the_world_lies_and_how_the_robot_is_turned_make_no_difference() -
         return Pose(float(x_m), float(y_m), pose.yaw_rad - angle)
 
     class Moved(Plain):
-        def features(self, pose: Pose):
-            return super().features(back(pose))
+        def look(self, pose: Pose):
+            return super().look(back(pose))
 
         def ring_m(self, pose: Pose):
             return super().ring_m(back(pose))

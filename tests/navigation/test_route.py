@@ -1,33 +1,38 @@
+from dataclasses import dataclass, field
 from itertools import pairwise, permutations
 
 import numpy as np
 import pytest
-import sights
 from hypothesis import given
 from hypothesis import strategies as st
 
 from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
-from vrchain.landmarks.recognition import Goal, Template
-from vrchain.landmarks.sift import Features
+from vrchain.navigation.eyes import GoalSight
 from vrchain.navigation.route import Plan, plan, worth
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 
-RIG = CameraRig()
-N_GOAL = 80
-GOAL = Goal(
-    (
-        Template(
-            sights.features_of(
-                generator(0, "goal").uniform(-0.2, 0.2, N_GOAL),
-                generator(1, "goal").uniform(-0.1, 0.3, N_GOAL),
-                sights.descriptors(N_GOAL, "goal"),
-            ),
-            0.2,
-        ),
-    )
-)
+
+@dataclass(frozen=True)
+class Shown:
+    """Stands in for a look: how many of the goal's keypoints it shows."""
+
+    matches: int
+    rig: CameraRig = field(default_factory=CameraRig)
+
+
+class StubGoal:
+    """Known by 15 keypoints or more."""
+
+    def find(self, look: Shown) -> GoalSight | None:
+        if look.matches < 15:
+            return None
+        chance = support_score(look.matches)
+        return GoalSight(0.1, 12.0, 10.0, 0.2, look.matches, 2.0, chance)
+
+
+GOAL, NOTHING = StubGoal(), Shown(0)
 
 
 def region(bearing_rad: float) -> Region:
@@ -59,23 +64,19 @@ class StubIndex:
         self.edges, self.goal_matches = edges, goal_matches
         self.asked: list[tuple[str, str]] = []
 
-    def features(self, digest: bytes) -> Features:
-        n = self.goal_matches.get(digest.decode(), 0)
-        return GOAL.templates[0].features.take(np.arange(n))
+    def look(self, digest: bytes) -> Shown:
+        return Shown(self.goal_matches.get(digest.decode(), 0))
 
     def compare(self, a: bytes, b: bytes) -> Comparison:
         return self._common(a.decode(), b.decode())
 
-    def compare_with(self, current: Features, rig: CameraRig, b: bytes) -> Comparison:
-        assert rig is RIG and len(current) == 0
+    def compare_with(self, current: Shown, b: bytes) -> Comparison:
+        assert current is NOTHING
         return self._common("R1", b.decode())
 
     def _common(self, a: str, b: str) -> Comparison:
         self.asked.append((a, b))
         return Comparison(tuple(self.edges.get((a, b), [])), None)
-
-
-NOTHING = GOAL.templates[0].features.take(np.arange(0))
 
 
 def planned(
@@ -95,7 +96,7 @@ def planned(
         for (a, b), v in edges.items()
     }
     newest = {f"R{i}": f"R{i}".encode() for i in range(robots, 1, -1)}
-    return plan("R1", NOTHING, RIG, newest, StubIndex(lists, goal_matches), GOAL, **options)
+    return plan("R1", NOTHING, newest, StubIndex(lists, goal_matches), GOAL, **options)
 
 
 def test_the_papers_chain() -> None:
@@ -169,15 +170,15 @@ def test_there_is_nobody_else() -> None:
 
 def test_panoramas_that_cannot_be_read_are_named() -> None:
     class Torn(StubIndex):
-        def features(self, digest: bytes) -> Features:
+        def look(self, digest: bytes) -> Shown:
             if digest == b"R2":
                 raise ImageError("no panorama")
-            return super().features(digest)
+            return super().look(digest)
 
     torn = Torn({("R1", "R3"): [landmark(0.9)]}, {"R3": 40})
-    found = plan("R1", NOTHING, RIG, {"R2": b"R2", "R3": b"R3"}, torn, GOAL)
+    found = plan("R1", NOTHING, {"R2": b"R2", "R3": b"R3"}, torn, GOAL)
     assert found.unreadable == ("R2",) and found.route.robots == ("R1", "R3")
-    found = plan("R1", NOTHING, RIG, {"R2": b"R2"}, torn, GOAL)
+    found = plan("R1", NOTHING, {"R2": b"R2"}, torn, GOAL)
     assert found.why_none == "no newest panorama can be read, of R2"
 
 
@@ -280,7 +281,7 @@ def test_a_sure_score_and_a_hopeless_one_do_no_harm() -> None:
 def test_every_pair_is_compared_once_in_a_fixed_order() -> None:
     index = StubIndex({}, {})
     newest = {"R3": b"R3", "R10": b"R10", "R2": b"R2"}
-    plan("R1", NOTHING, RIG, newest, index, GOAL)
+    plan("R1", NOTHING, newest, index, GOAL)
     assert index.asked == [
         ("R1", "R10"), ("R1", "R2"), ("R1", "R3"), ("R10", "R2"), ("R10", "R3"), ("R2", "R3"),
     ]  # fmt: skip

@@ -61,6 +61,37 @@ def landmarks(
 
 
 @app.command()
+def strangers(
+    spec: Annotated[
+        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/.")
+    ] = SCENES / "suburb.yaml",
+    pairs: Annotated[int, typer.Option(help="Half of one suburb, half of two; 1000.")] = 40,
+    variant: Annotated[
+        list[str] | None, typer.Option(metavar="V", help="Give one for each; the default.")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
+    allow_training_seeds: Annotated[
+        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
+    ] = False,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+) -> None:
+    """Compare panoramas that have nothing in common: the share with any claim, by variant."""
+    from vrchain.experiments import landmark_evaluation as evaluation
+    from vrchain.experiments.scenes import scenes_of
+    from vrchain.landmarks.variants import DEFAULT, variant_named
+
+    _check_seed(seed, allow_training_seeds)
+    found = evaluation.strangers(
+        scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed
+    )
+    table = evaluation.accused(found)
+    if as_json:
+        print(json.dumps({"rows": table.to_dict(orient="records")}))
+        return
+    print(table.to_string(index=False))
+
+
+@app.command()
 def photographs(
     folders: Annotated[
         list[Path] | None, typer.Argument(metavar="[FOLDER]...", help="Each of one place.")
@@ -78,6 +109,47 @@ def photographs(
         print(json.dumps({"rows": table.to_dict(orient="records")}))
         return
     print(table.to_string(index=False))
+
+
+@app.command()
+def search(
+    spec: Annotated[
+        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
+    ] = SCENES / "suburb.yaml",
+    panoramas: Annotated[int, typer.Option(help="In each suburb.")] = 500,
+    goals: Annotated[int, typer.Option(help="Looked up in each suburb.")] = 20,
+    by_sift: Annotated[int, typer.Option(help="Of the goals, looked up by SIFT too.")] = 2,
+    suburbs: Annotated[int, typer.Option(help="How many.")] = 1,
+    seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
+    allow_training_seeds: Annotated[
+        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+) -> None:
+    """Ask hundreds of panoramas who sees a goal, by their records and by SIFT over all of them.
+
+    first_right: the first answer shows the goal. nobody_right: there is no answer where none does.
+    """
+    from vrchain.experiments import search as experiment
+    from vrchain.experiments.scenes import scenes_of
+
+    _check_seed(seed, allow_training_seeds)
+    found = experiment.evaluate(
+        scenes_of(spec), suburbs, experiment.SearchConfig(panoramas, goals, by_sift), seed=seed,
+        folder=output or BUILD / "evaluate" / "search",
+    )  # fmt: skip
+    summary = experiment.summarise(found)
+    if as_json:
+        print(json.dumps(summary))
+        return
+    for name, figures in summary.items():
+        print(name)
+        for figure, value in figures.items():
+            shown = [round(v, 3) for v in value] if isinstance(value, list) else round(value, 3)
+            print(f"  {figure}: {shown}")
 
 
 @app.command()
@@ -148,6 +220,50 @@ def homing_trials(
         print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
         return
     print(experiment.best(table).to_string(index=False, na_rep="-"))
+
+
+@app.command()
+def navigation(
+    spec: Annotated[
+        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
+    ] = SCENES / "suburb.yaml",
+    missions: Annotated[int, typer.Option(help="Ten in each suburb; 100 to report.")] = 10,
+    robots: Annotated[int, typer.Option(help="How many, the driving one among them.")] = 5,
+    arms: Annotated[
+        list[str] | None, typer.Option(metavar="A", help="Give one for each; all if none.")
+    ] = None,
+    seed: Annotated[
+        int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
+    ] = 3000,
+    allow_training_seeds: Annotated[
+        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
+    ] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
+    ] = None,
+    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+) -> None:
+    """Send robots to goals out of their sight: with the ledger, alone, and with true landmarks.
+
+    Minutes a mission. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes
+    on.
+    """
+    from vrchain.experiments import navigation as experiment
+    from vrchain.experiments.scenes import scenes_of
+
+    _check_seed(seed, allow_training_seeds)
+    found = experiment.evaluate(
+        scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
+        folder=output or BUILD / "evaluate" / "navigation",
+    )  # fmt: skip
+    summary = experiment.summarise(*found)
+    if as_json:
+        print(json.dumps(summary))
+        return
+    first = next(iter(summary.values()))
+    print(f"landmarks in the shortest chain, and missions: {first['chain_lengths']}")
+    print(f"rejected draws: {first['rejected_draws']}")
+    print(experiment.as_table(summary).T.to_string())
 
 
 def _check_seed(seed: int, allow_training_seeds: bool) -> None:

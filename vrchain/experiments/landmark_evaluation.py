@@ -39,7 +39,7 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
-FORMAT = 2
+FORMAT = 3
 PAIRS_A_SUBURB = 10
 LEAST_SCORE = 0.02  # claims are kept from here on, to see what other thresholds would do
 GIVEN = "sift, regions given"
@@ -109,8 +109,9 @@ def _suburb(
     """Claims and pairs of one suburb, a row each.
 
     Claims: pair, variant, score, right, shared (right, and the landmark co-visible), twin,
-    duplicate, quality_m, support, object_a, object_b. Pairs: pair, variant, spacing_m, co_visible,
-    ms, direction_error_deg and heading_error_deg (180: no answer).
+    duplicate, quality_m, support, object_a, object_b. Pairs: pair, variant, claimed (the score from
+    which a claim counts), spacing_m, co_visible, ms, direction_error_deg and heading_error_deg
+    (180: no answer).
     """
     renderer, truth = Renderer(scene), GroundTruth(scene)
     poses = list(draw_pairs(scene, PAIRS_A_SUBURB, spacing_m, seed * 100_003 + k))
@@ -151,6 +152,7 @@ def _suburb(
                 {
                     "pair": number,
                     "variant": variant.name,
+                    "claimed": variant.claimed,
                     "spacing_m": a.distance_to_m(b.xy_m),
                     "co_visible": len(shared),
                     "ms": ms,
@@ -215,6 +217,12 @@ def strangers(
                 progress.update()
             before = looks
     return pd.DataFrame(rows)
+
+
+def accused(found: pd.DataFrame) -> pd.DataFrame:
+    """Of ``strangers``, the share of pairs with a claim: variant, two_suburbs, pairs, claimed."""
+    rows = found.assign(claimed=found.score > 0).groupby(["variant", "two_suburbs"], sort=False)
+    return rows.agg(pairs=("pair", "count"), claimed=("claimed", "mean")).reset_index()
 
 
 def regions_given(

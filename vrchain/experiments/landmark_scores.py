@@ -7,27 +7,25 @@ from numpy.typing import NDArray
 from vrchain.landmarks.calibration import expected_calibration_error
 from vrchain.seeding import generator
 
-DEFAULT_SCORE = 0.5
 PRECISIONS = (0.90, 0.95, 0.98)
 _RESAMPLED = 1000
 
 
 def summarise(
-    claims: pd.DataFrame, pairs: pd.DataFrame, *, seed: int = 0, score: float = DEFAULT_SCORE
+    claims: pd.DataFrame, pairs: pd.DataFrame, *, seed: int = 0
 ) -> dict[str, dict[str, object]]:
     """The figures of each variant, as docs/definitions.md has them, with 95 % intervals.
 
     Intervals: bootstrap over suburbs.
     """
     return {
-        str(variant): _summary(claims[claims.variant == variant], own, seed, score)
+        str(variant): _summary(claims[claims.variant == variant], own, seed)
         for variant, own in pairs.groupby("variant", sort=False)
     }
 
 
-def _summary(
-    claims: pd.DataFrame, pairs: pd.DataFrame, seed: int, score: float
-) -> dict[str, object]:
+def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, object]:
+    score = float(pairs.claimed.iloc[0])
     made = claims[(claims.score >= score) & ~claims.duplicate.astype(bool)]
     fair = pairs[pairs.co_visible > 0]
     key = ["suburb", "pair"]

@@ -19,12 +19,15 @@ from vrchain.experiments.team import (
 )
 from vrchain.geometry import Pose
 from vrchain.landmarks.index import LandmarkIndex
-from vrchain.landmarks.recognition import goal_of
+from vrchain.landmarks.weights import SHIPPED
 from vrchain.ledger import Ledger, simulated_key
+from vrchain.ledger.transaction import NO_BLOB
+from vrchain.navigation.eyes import Eyes, Look, goal_from, learned_eyes
 from vrchain.navigation.mission import Decision, MissionConfig, MissionResult, run_mission
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator
+from vrchain.truth import GroundTruth
 
 MARKER = "mission.json"
 SUCCESS_RANGE_M = 3.0
@@ -83,12 +86,15 @@ def run(
     goal: str | None = None,
     rig: CameraRig | None = None,
     config: MissionConfig | None = None,
+    weights: Path = SHIPPED,
     tell: Callable[[Decision], None] = lambda decision: None,
 ) -> MissionRun:
     """Draw a task, let the team drive and publish, and send ``robot`` to the goal.
 
-    A scene with robots of its own sets the task itself.
+    A scene with robots of its own sets the task itself. weights: of the network by whose landmarks
+    they recognise things; LearnedError without torch or weights.
     """
+    eyes = learned_eyes(weights)
     rig = rig or CameraRig()
     setup = Simulator(scene, {}, seed=seed, rig=rig)
     truth, renderer = setup.truth, setup.renderer
@@ -100,23 +106,16 @@ def run(
     pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
     members = {name: simulated_key(seed, name).public for name in task.starts}
     with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:
-        robots = assemble(simulator, ledger, seed)
+        robots = assemble(simulator, ledger, seed, examine=eyes.record)
         drive_to_places(simulator, robots, task)
         started_ns = simulator.clock_ns
-        index = LandmarkIndex(ledger.payload)
-
-        def newest() -> dict[str, bytes]:
-            found = {n: ledger.latest(n) for n in ledger.robots if n != robot}
-            return {n: t.payload_digest for n, t in found.items() if t is not None}
-
+        newest, index = newest_of(ledger, robot), index_of(ledger, eyes)
         panoramas = {n: index.panorama(d) for n, d in newest().items()}
-        result = run_mission(robot, robots[robot], newest, index, goal_of(pictures), config, tell)
+        goal_shown = goal_from(pictures, weights)
+        result = run_mission(robot, robots[robot], newest, index, goal_shown, eyes, config, tell)
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)
-    target = scene.index_of(task.goal)
-    range_m = _range_m(scene, task.goal, pose)
-    seen = truth.visibility(pose, rig)
-    visible = target in seen.index and bool(seen.visible[target])
+    at_goal, range_m = is_at(scene, truth, task.goal, pose, rig)
     return MissionRun(
         scene,
         task,
@@ -126,12 +125,50 @@ def run(
         panoramas,
         {n: simulator.path_xy_m(n) for n in simulator.robots},
         pose,
-        result.arrived and visible and range_m <= SUCCESS_RANGE_M,
+        result.arrived and at_goal,
         range_m,
         simulator.collisions(robot),
         (simulator.clock_ns - started_ns) / 1e9,
         head,
     )
+
+
+def newest_of(ledger: Ledger, robot: str) -> Callable[[], dict[str, bytes]]:
+    """Asks a ledger for the digest of every other robot's newest panorama."""
+
+    def newest() -> dict[str, bytes]:
+        found = {n: ledger.latest(n) for n in ledger.robots if n != robot}
+        return {n: t.payload_digest for n, t in found.items() if t is not None}
+
+    return newest
+
+
+def index_of(ledger: Ledger, eyes: Eyes) -> LandmarkIndex[Look]:
+    """An index of a ledger's panoramas, by the landmark records published with them."""
+
+    def described(payload_digest: bytes) -> bytes | None:
+        newest = (ledger.latest(name) for name in ledger.robots)
+        for transaction in newest:
+            if transaction is not None and transaction.payload_digest == payload_digest:
+                return (
+                    ledger.payload(transaction.landmarks_digest)
+                    if transaction.landmarks_digest != NO_BLOB
+                    else None
+                )
+        return None
+
+    return LandmarkIndex(ledger.payload, described, eyes.stored, eyes.compare)
+
+
+def is_at(
+    scene: Scene, truth: GroundTruth, goal: str, pose: Pose, rig: CameraRig
+) -> tuple[bool, float]:
+    """Whether a robot is at the goal, in sight of it, and how far it is from its footprint."""
+    target = scene.index_of(goal)
+    range_m = _range_m(scene, goal, pose)
+    seen = truth.visibility(pose, rig)
+    visible = target in seen.index and bool(seen.visible[target])
+    return visible and range_m <= SUCCESS_RANGE_M, range_m
 
 
 def save_log(run: MissionRun, folder: Path) -> None:

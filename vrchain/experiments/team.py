@@ -5,8 +5,8 @@ Here ground truth draws up the task; the robots that carry it out never see it.
 
 import json
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import astuple, dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import astuple, dataclass, replace
 from itertools import islice, pairwise
 
 import numpy as np
@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.quality import co_visible
+from vrchain.landmarks.record import LandmarkRecord, encode_record
 from vrchain.ledger import Ledger, SigningKey, simulated_key
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
@@ -236,18 +237,32 @@ class Publication:
 
 
 class PublishingRobot:
-    """A simulated robot's senses and wheels; whenever it looks, the update rules may publish."""
+    """A simulated robot's senses and wheels; whenever it looks, the update rules may publish.
+
+    examine: its landmarks are extracted before it signs, and published beside the panorama.
+    """
 
     def __init__(
-        self, simulator: Simulator, name: str, ledger: Ledger, key: SigningKey, rules: UpdateRules
+        self,
+        simulator: Simulator,
+        name: str,
+        ledger: Ledger,
+        key: SigningKey,
+        rules: UpdateRules,
+        examine: Callable[[Observation], LandmarkRecord] | None = None,
     ) -> None:
         self.simulator, self.name, self._ledger, self._key = simulator, name, ledger, key
+        self._examine = examine
         self.monitor = UpdateMonitor(rules)
         self.publications: list[Publication] = []
         self._looked: Observation | None = None
 
-    def observe(self, look: bool = False) -> Observation:
-        """What it senses now; a look publishes if a rule says so."""
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
+        """What it senses now; a look all around publishes if a rule says so."""
+        if towards_rad is not None:
+            glance = self.simulator.observe(self.name, towards_rad=towards_rad)
+            self.monitor.due(replace(glance, panorama=None))
+            return glance
         seen = self.simulator.observe(self.name, look=look)
         rule = self.monitor.due(seen)
         if seen.panorama is not None:
@@ -275,7 +290,10 @@ class PublishingRobot:
     def _publish(self, seen: Observation, rule: str) -> None:
         assert seen.panorama is not None
         blob = seen.panorama.encode()
-        entry = self._ledger.publish(self.name, self._key, blob, rule, seen.time_ns)
+        landmarks = None if self._examine is None else encode_record(self._examine(seen))
+        entry = self._ledger.publish(
+            self.name, self._key, blob, rule, seen.time_ns, landmarks=landmarks
+        )
         self.monitor.published(seen)
         pose = self.simulator.pose(self.name)
         team = {name: astuple(other) for name, other in self.simulator.others(self.name).items()}
@@ -295,12 +313,19 @@ class PublishingRobot:
 
 
 def assemble(
-    simulator: Simulator, ledger: Ledger, seed: int, rules: UpdateRules | None = None
+    simulator: Simulator,
+    ledger: Ledger,
+    seed: int,
+    rules: UpdateRules | None = None,
+    examine: Callable[[Observation], LandmarkRecord] | None = None,
 ) -> dict[str, PublishingRobot]:
-    """The simulator's robots, able to publish with keys that derive from the seed."""
+    """The simulator's robots, able to publish with keys that derive from the seed.
+
+    examine: extracts the landmarks that are published with each panorama; none are, without.
+    """
     rules = rules or UpdateRules()
     return {
-        name: PublishingRobot(simulator, name, ledger, simulated_key(seed, name), rules)
+        name: PublishingRobot(simulator, name, ledger, simulated_key(seed, name), rules, examine)
         for name in simulator.robots
     }
 

@@ -55,8 +55,8 @@ class CommonLandmark:
     score: 0 to 1, larger is surer. support_a, support_b: (k,) indices of its matched keypoints.
     ranges: distance of the landmark from A and from B, in units of the distance from A to B; None
     where the geometry does not tell (photographs; panoramas taken at one place).
-    mask_a, mask_b: (n, 2) directions, bearing_rad and slope, that its regions cover, where they are
-    known; they are the support of a claim that no keypoints support.
+    mask_a, mask_b: (n, 2) directions, bearing_rad and slope, of its matched spots, or else all that
+    its regions cover, where they are known; the support of a claim that no keypoints support.
     """
 
     score: float

@@ -6,7 +6,7 @@ suggest one; what all proposals say of it, by their looks and by their places, d
 the same and are told apart by what stands around them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,6 +17,8 @@ from vrchain.landmarks.proposer import Proposals
 from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
+
+_NEAREST_M, _DISTANCES = 0.3, 48  # the least distance between two robots, and how many are tried
 
 
 @dataclass(frozen=True)
@@ -73,14 +75,45 @@ def join(
     kept = _distinct(poses, support, config.kept)
     settled = [_settle(poses[k], *own, config) for k in kept]
     support = _support(np.stack([pose for pose, _ in settled]), *own, i, config)
-    best = int(support.argmax())
-    evidence, (pose, covariance) = float(support[best]), settled[best]
+    pose, covariance = settled[int(support.argmax())]
+    return replace(_join_at(pose, a, b, looks, config), covariance=covariance)
+
+
+def join_along(
+    direction_rad: float,
+    heading_rad: float,
+    a: Proposals,
+    b: Proposals,
+    looks: Array,
+    config: ConstellationConfig | None = None,
+) -> Constellation:
+    """The same where B's direction and heading are known from elsewhere: how far is it to B?"""
+    config = config or ConstellationConfig()
+    i, j = _candidates(looks, config.candidates)
+    apart_m = np.geomspace(_NEAREST_M, config.reach_m, _DISTANCES)
+    along = np.array([np.cos(direction_rad), np.sin(direction_rad), 0.0])
+    poses = apart_m[:, None] * along + np.array([0.0, 0.0, heading_rad])
+    if len(i) == 0:
+        return _join_at(poses[_DISTANCES // 2], a, b, looks, config)
+    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
+    support = _support(poses, a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j], i, config)
+    return _join_at(poses[int(support.argmax())], a, b, looks, config)
+
+
+def _join_at(
+    pose: Array, a: Proposals, b: Proposals, looks: Array, config: ConstellationConfig
+) -> Constellation:
+    """The pairs under a relative pose (3,): x, y, heading."""
+    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
+    i, j = _candidates(looks, config.candidates)
+    own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
+    evidence = float(_support(pose[None], *own, i, config)[0]) if len(i) else 0.0
     place = _place(
         pose[None], a.xy_m[:, None], b.xy_m[None], shape_a[:, None], shape_b[None], config
     )[0]
     return Constellation(
-        pose[:2], float(wrap_angle_rad(pose[2])), covariance, evidence, looks, place,
-        _one_to_one(looks + place),
+        pose[:2], float(wrap_angle_rad(pose[2])), np.zeros((3, 3)), evidence, looks, place,
+        one_to_one(looks + place),
     )  # fmt: skip
 
 
@@ -88,11 +121,11 @@ def by_looks(looks: Array) -> Constellation:
     """Proposals joined without regard to where they stand; the pose is unknown (NaN)."""
     nowhere, unsure = np.full(2, np.nan), np.full((3, 3), np.nan)
     return Constellation(
-        nowhere, np.nan, unsure, 0.0, looks, np.zeros_like(looks), _one_to_one(looks)
+        nowhere, np.nan, unsure, 0.0, looks, np.zeros_like(looks), one_to_one(looks)
     )
 
 
-def _one_to_one(gain: Array) -> NDArray[np.int64]:
+def one_to_one(gain: Array) -> NDArray[np.int64]:
     """The pairs (m, 2), each proposal in one at most, that together gain most; all of them gain."""
     gain = np.maximum(gain, -1.0)
     rows, columns = linear_sum_assignment(-gain)

@@ -21,8 +21,10 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
+Real = NDArray[np.floating]
 
 _SAMPLES = 800
+_HEARD, _LIKELY = 300, 40  # matches that choose the likely ones of all hypotheses, and how many
 _TOLERANCE_RAD = 0.005  # about three pixels of a 640-pixel, 60-degree view
 _PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
 _POLISH_STEPS = 5
@@ -64,6 +66,19 @@ class PlanarGeometry:
             return np.inf, np.inf
         return abs(float(np.sin(db) / parallax)), abs(float(np.sin(da) / parallax))
 
+    def obeyed(
+        self,
+        bearing_a_rad: Array,
+        slope_a: Array,
+        bearing_b_rad: Array,
+        slope_b: Array,
+        tolerance_rad: float = _TOLERANCE_RAD,
+    ) -> NDArray[np.bool_]:
+        """Which matches, directions (n,) from A and from B, may show one point: (n,)."""
+        theta = np.array([self.direction_rad])
+        matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
+        return _inliers(theta, theta - self.heading_rad, *matches, tolerance_rad)[0]
+
     def allows(
         self,
         bearing_a_rad: Array,
@@ -73,12 +88,10 @@ class PlanarGeometry:
         tolerance_rad: float = _TOLERANCE_RAD,
     ) -> NDArray[np.bool_]:
         """Which directions (n,) from A and (m,) from B may show one point: (n, m)."""
-        n, m = len(bearing_a_rad), len(bearing_b_rad)
-        a, b = np.repeat(np.arange(n), m), np.tile(np.arange(m), n)
-        theta = np.array([self.direction_rad])
-        psi = theta - self.heading_rad
-        matches = bearing_a_rad[a], slope_a[a], bearing_b_rad[b], slope_b[b]
-        return _inliers(theta, psi, *matches, tolerance_rad)[0].reshape(n, m)
+        da = (bearing_a_rad - self.direction_rad)[:, None]
+        db = bearing_b_rad - self.direction_rad + self.heading_rad
+        own_a, own_b = (np.sin(da), np.cos(da)), (np.sin(db), np.cos(db))
+        return _one_point(*own_a, slope_a[:, None], *own_b, slope_b, tolerance_rad)
 
 
 def estimate(
@@ -101,8 +114,14 @@ def estimate(
     matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
     if len(theta) == 0:
         return None
-    counts = _inliers(theta, psi, *matches, tolerance_rad).sum(axis=1)
-    best = int(counts.argmax())
+    heard = generator(0, "heard", n).permutation(n)[:_HEARD]
+    # narrow numbers are exact enough to choose by
+    alpha, t_a, beta, t_b = (x[heard].astype(np.float32) for x in matches)
+    rough = theta.astype(np.float32), psi.astype(np.float32)
+    counts = _inliers(*rough, alpha, t_a, beta, t_b, tolerance_rad).sum(axis=1)
+    likely = np.argsort(-counts, kind="stable")[:_LIKELY]
+    counts = _inliers(theta[likely], psi[likely], *matches, tolerance_rad).sum(axis=1)
+    best = int(likely[counts.argmax()])
     angles = np.array([theta[best], psi[best]])
     std_rad = np.inf
     for _ in range(_POLISH_STEPS):
@@ -149,23 +168,36 @@ def _from_two(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def _inliers(
-    theta: Array,
-    psi: Array,
-    alpha: Array,
-    t_a: Array,
-    beta: Array,
-    t_b: Array,
+    theta: Real,
+    psi: Real,
+    alpha: Real,
+    t_a: Real,
+    beta: Real,
+    t_b: Real,
     tolerance_rad: float,
 ) -> NDArray[np.bool_]:
     """(k hypotheses, m matches) bool: small Sampson distance, and the point in front of both."""
-    da, db = alpha[None] - theta[:, None], beta[None] - psi[:, None]
-    sin_a, sin_b = np.sin(da), np.sin(db)
+    (sin_a, cos_a), (sin_b, cos_b) = _turned(alpha, theta), _turned(beta, psi)
+    return _one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
+
+
+def _turned(bearing_rad: Real, origin_rad: Real) -> tuple[Real, Real]:
+    """Sine and cosine of bearings (m,) counted from each of some origins (k,): (k, m) each."""
+    sine, cosine = np.sin(bearing_rad), np.cos(bearing_rad)
+    s, c = np.sin(origin_rad)[:, None], np.cos(origin_rad)[:, None]
+    return sine * c - cosine * s, cosine * c + sine * s
+
+
+def _one_point(
+    sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
+) -> NDArray[np.bool_]:
+    """Whether directions from A and from B, counted from the baseline, may show one point."""
     residual = t_b * sin_a - t_a * sin_b
-    gradient = np.sqrt(sin_a**2 + sin_b**2 + (t_b * np.cos(da)) ** 2 + (t_a * np.cos(db)) ** 2)
-    close = np.abs(residual) < tolerance_rad * gradient
-    parallax = np.sin(db - da)
+    square = sin_a**2 + sin_b**2 + (t_b * cos_a) ** 2 + (t_a * cos_b) ** 2
+    parallax = cos_a * sin_b - sin_a * cos_b
     before = (sin_b * parallax > 0) & (sin_a * parallax > 0)
-    return close & (before | (np.abs(parallax) < _PARALLEL_RAD) & (np.cos(db - da) > 0))
+    along = (np.abs(parallax) < _PARALLEL_RAD) & (cos_a * cos_b + sin_a * sin_b > 0)
+    return np.asarray((residual**2 < tolerance**2 * square) & (before | along))
 
 
 def _polish(

@@ -1,45 +1,50 @@
-"""Landmarks of many stored panoramas: each is examined once, each pair compared once."""
+"""What many stored panoramas show: each is looked at once, each pair compared once."""
 
 from collections.abc import Callable
+from typing import Generic, TypeVar
 
-from vrchain.landmarks.common import Comparison, MatchConfig, compare
-from vrchain.landmarks.sift import Features, extract
-from vrchain.panorama import CameraRig, Panorama
+from vrchain.landmarks.common import Comparison
+from vrchain.panorama import Panorama
+
+Look = TypeVar("Look")
 
 
-class LandmarkIndex:
-    """Features and comparisons by panorama digest.
+class LandmarkIndex(Generic[Look]):
+    """Looks and comparisons by panorama digest.
 
     read: gives the bytes of a panorama by its digest, for instance a ledger's ``payload``.
+    described: the landmark record that was published with it, or None. look: what is made of both;
+    compare: what two looks have in common.
     """
 
-    def __init__(self, read: Callable[[bytes], bytes], config: MatchConfig | None = None) -> None:
-        self._read = read
-        self._config = config or MatchConfig()
-        self._features: dict[bytes, tuple[Features, CameraRig]] = {}
+    def __init__(
+        self,
+        read: Callable[[bytes], bytes],
+        described: Callable[[bytes], bytes | None],
+        look: Callable[[bytes, bytes | None], Look],
+        compare: Callable[[Look, Look], Comparison],
+    ) -> None:
+        self._read, self._described = read, described
+        self._make, self._compare = look, compare
+        self._looks: dict[bytes, Look] = {}
         self._compared: dict[tuple[bytes, bytes], Comparison] = {}
 
     def panorama(self, digest: bytes) -> Panorama:
         """The stored panorama."""
         return Panorama.decode(self._read(digest))
 
-    def features(self, digest: bytes) -> Features:
-        """Its keypoints."""
-        return self._examined(digest)[0]
+    def look(self, digest: bytes) -> Look:
+        """What it shows."""
+        if digest not in self._looks:
+            self._looks[digest] = self._make(self._read(digest), self._described(digest))
+        return self._looks[digest]
 
     def compare(self, a: bytes, b: bytes) -> Comparison:
         """What two stored panoramas have in common."""
         if (a, b) not in self._compared:
-            features_a, rig = self._examined(a)
-            self._compared[a, b] = compare(features_a, self.features(b), rig, self._config)
+            self._compared[a, b] = self._compare(self.look(a), self.look(b))
         return self._compared[a, b]
 
-    def compare_with(self, current: Features, rig: CameraRig, b: bytes) -> Comparison:
+    def compare_with(self, current: Look, b: bytes) -> Comparison:
         """What the panorama in front of the robot has in common with a stored one."""
-        return compare(current, self.features(b), rig, self._config)
-
-    def _examined(self, digest: bytes) -> tuple[Features, CameraRig]:
-        if digest not in self._features:
-            panorama = self.panorama(digest)
-            self._features[digest] = extract(panorama), panorama.rig
-        return self._features[digest]
+        return self._compare(current, self.look(b))

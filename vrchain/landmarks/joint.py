@@ -1,8 +1,9 @@
 """Common landmarks by what they look like and where they stand; with SIFT, or without.
 
-Proposals of the two panoramas are joined by ``constellation``. Keypoints inside joined proposals
-are matched by SIFT, obey the same relative pose, and sharpen it. Each joined pair is a claim,
-scored by the probability that it is right.
+Proposals of the two panoramas are joined by ``constellation``. Keypoints matched by SIFT and spots
+matched by what the network makes of them obey one relative pose and say it more exactly. Under it
+they are matched again inside joined proposals. Each joined pair is a claim, scored by the
+probability that it is right.
 """
 
 from dataclasses import dataclass, field, replace
@@ -19,22 +20,24 @@ from vrchain.landmarks.constellation import (
     ConstellationConfig,
     by_looks,
     join,
+    join_along,
+    one_to_one,
 )
 from vrchain.landmarks.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.proposer import Proposals, overlaps
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
 from vrchain.landmarks.record import LandmarkRecord, owners
 from vrchain.landmarks.sift import mutual_matches
+from vrchain.landmarks.spots import Matched, Spots, matched, matched_within
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
-Matched = tuple[NDArray[np.int64], NDArray[np.int64]]
-"""Keypoints of A and of B, those of one place being the same point."""
-
 _NONE = np.empty(0, dtype=np.int64)
+_NO_SPOTS = 0.5  # how much it speaks against a pair that it shares no spot, in log-odds
 
 FEATURES = (
     "looks", "place", "evidence", "rival", "matches", "doubt_a", "doubt_b", "range", "tied",
+    "spots", "spots_share", "spots_alike", "spots_anywhere", "share_a", "share_b", "agreed",
 )  # fmt: skip
 
 
@@ -43,25 +46,30 @@ class JointConfig:
     """How claims are made of joined proposals."""
 
     sift: bool = True  # whether keypoints take part
+    spots: bool = True  # whether single spots do
     embedding: bool = True  # whether looks do; without, by places alone
     geometry: bool = True  # whether places do; without, by looks alone
     ratio: float = 0.85  # nearest over second nearest descriptor distance, within a pair
-    anywhere: int = 1500  # largest keypoints that are matched all over, for the relative pose
+    anywhere: int = 700  # largest keypoints that are matched all over, for the relative pose
     ratio_anywhere: float = 0.8
     joined: float = -2.0  # log-odds from which a pair's keypoints are matched
-    agree_rad: float = 0.2  # keypoints sharpen a relative pose; they do not overthrow it
     min_inliers: int = 8
+    sure_inliers: int = 60  # matches that agree on a relative pose, from which it is beyond doubt
+    agree_rad: float = 0.2  # what fewer agree on must be this near to what proposals say
+    tolerance_rad: float = 0.008  # of matches, keypoints and spots, under one relative pose
     alike_descriptors: float = 300.0  # distance of descriptors of keypoints that match
     min_support: int = 5  # matched keypoints from which they, not the region, are the support
     same_box: float = 0.3  # intersection over union from which two claims are of one landmark
-    min_score: float = 0.5  # claims below this are not made
+    min_score: float = 0.8  # claims less likely than this to be right are not made
     constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
 
     @property
     def name(self) -> str:
         """What tables call it."""
-        left_out = [part for part in ("embedding", "geometry") if not getattr(self, part)]
-        return ", no ".join(["cnn+sift" if self.sift else "cnn", *left_out])
+        verified = self.sift or self.spots
+        parts = [*(("sift", "spots") if verified else ()), "embedding", "geometry"]
+        left_out = [part for part in parts if not getattr(self, part)]
+        return ", no ".join(["cnn+sift" if verified else "cnn", *left_out])
 
 
 def compare_joint(
@@ -94,7 +102,7 @@ def compare_joint(
 
 @dataclass(frozen=True, eq=False)
 class Candidates:
-    """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints.
+    """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints and spots.
 
     geometry: the relative pose; None where places took no part.
     """
@@ -102,6 +110,7 @@ class Candidates:
     pairs: NDArray[np.int64]
     features: Array
     support: tuple[Matched, ...]
+    spots: tuple[Matched, ...]
     geometry: PlanarGeometry | None
 
 
@@ -113,29 +122,51 @@ def candidates(
     if config.embedding:
         alike = (a.proposals.embedding @ b.proposals.embedding.T).astype(float)
         looks = calibration.alike_scale * (alike - calibration.alike_even)
-    joined = (
-        join(a.proposals, b.proposals, looks, config.constellation)
-        if config.geometry
-        else by_looks(looks)
-    )
-    if joined is None or len(joined.pairs) == 0:
+    anywhere = np.zeros(looks.shape)
+    joined: Constellation | None = by_looks(looks)
+    geometry = exact = None
+    if config.geometry:
+        spots = matched(a.spots, b.spots) if config.spots else (_NONE, _NONE)
+        exact = _exact(a, b, spots, config)
+        sure = exact is not None and exact.inliers.sum() >= config.sure_inliers
+        own = a.proposals, b.proposals, looks, config.constellation
+        if exact and sure:
+            joined = join_along(exact.direction_rad, exact.heading_rad, *own)
+        else:
+            joined = join(*own)
+        if joined is not None:
+            geometry = _geometry_of(joined, a.rig)
+        if geometry and exact and (sure or _agree(exact, geometry, config.agree_rad)):
+            geometry = exact = replace(exact, baseline_heights=geometry.baseline_heights)
+            anywhere = _shared(a, b, spots, exact, config)
+        else:
+            exact = None
+    if joined is None:
         return None
-    geometry = _geometry_of(joined, a.rig) if config.geometry else None
-    support: list[Matched] = [(_NONE, _NONE)] * len(joined.pairs)
-    if config.sift:
-        inside = _inside(a, b, joined)
-        matched = [_matched(a, b, own, config.ratio) for own in inside]
-        exact = _exact(a, b, [_anywhere(a, b, config), *matched], geometry, config)
-        if exact is not None:
-            geometry = exact
-            support = [_guided(a, b, own, exact, config) for own in inside]
-        support = support if geometry else matched
-    pairs = joined.pairs
     gain = joined.looks + joined.place
+    if exact and config.spots:
+        gain += np.log1p(anywhere) - _NO_SPOTS
+    pairs = one_to_one(gain)
+    if len(pairs) == 0:
+        return None
     i, j = pairs.T
+    inside = _inside(a, b, pairs)
+    if exact:
+        support = [_guided(a, b, own, exact, config) for own in inside] if config.sift else []
+        within = matched_within(a.spots, b.spots, pairs, exact) if config.spots else []
+    else:
+        alone = config.sift and not config.geometry
+        support = [_matched(a, b, own, config.ratio) for own in inside] if alone else []
+        within = []
+    support = support or [(_NONE, _NONE)] * len(pairs)
+    within = within or [(_NONE, _NONE, np.empty(0))] * len(pairs)
     rivals = gain.copy()
     rivals[i, j] = -np.inf
     rival = np.maximum(rivals[i].max(axis=1), rivals[:, j].max(axis=0)).clip(-30, 30)
+    n_within = np.array([len(w[0]) for w in within])
+    held_a, held_b = (
+        np.bincount(r.spots.owner, minlength=len(r.proposals))[k] for r, k in ((a, i), (b, j))
+    )
     features = np.column_stack(
         [
             joined.looks[i, j].clip(-10, 10),
@@ -147,9 +178,18 @@ def candidates(
             -np.log(b.proposals.score[j]),
             np.log(np.maximum(a.proposals.range_m[i], b.proposals.range_m[j])),
             np.full(len(pairs), np.log1p(len(pairs))),
+            np.log1p(n_within),
+            n_within / np.maximum(np.minimum(held_a, held_b), 1),
+            [w[2].mean() if len(w[2]) else 0.0 for w in within],
+            np.log1p(anywhere[i, j]),
+            anywhere[i, j] / np.maximum(anywhere.sum(axis=1)[i], 1),
+            anywhere[i, j] / np.maximum(anywhere.sum(axis=0)[j], 1),
+            np.full(len(pairs), np.log1p(int(exact.inliers.sum()) if exact else 0)),
         ]
     )
-    return Candidates(pairs, features, tuple(support), geometry)
+    return Candidates(
+        pairs, features, tuple(support), tuple((w[0], w[1]) for w in within), geometry
+    )
 
 
 def distinct(
@@ -189,10 +229,10 @@ def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:
     )
 
 
-def _inside(a: LandmarkRecord, b: LandmarkRecord, joined: Constellation) -> list[Matched]:
+def _inside(a: LandmarkRecord, b: LandmarkRecord, pairs: NDArray[np.int64]) -> list[Matched]:
     """The keypoints of each pair's proposals."""
     owner_a, owner_b = (owners(r.rig, r.proposals, r.features) for r in (a, b))
-    return [(np.flatnonzero(owner_a == i), np.flatnonzero(owner_b == j)) for i, j in joined.pairs]
+    return [(np.flatnonzero(owner_a == i), np.flatnonzero(owner_b == j)) for i, j in pairs]
 
 
 def _anywhere(a: LandmarkRecord, b: LandmarkRecord, config: JointConfig) -> Matched:
@@ -210,19 +250,36 @@ def _matched(a: LandmarkRecord, b: LandmarkRecord, own: Matched, ratio: float) -
 def _exact(
     a: LandmarkRecord,
     b: LandmarkRecord,
-    matched: list[Matched],
-    rough: PlanarGeometry | None,
+    spots: Matched,
     config: JointConfig,
 ) -> PlanarGeometry | None:
-    """The relative pose by matched keypoints, if it agrees with that by proposals."""
-    if rough is None:
-        return None
-    ia, ib = (np.concatenate(side) for side in zip(*matched, strict=True))
-    fa, fb = a.features.take(ia), b.features.take(ib)
-    exact = estimate(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, config.min_inliers)
-    if exact is None or not _agree(exact, rough, config.agree_rad):
-        return None
-    return replace(exact, baseline_heights=rough.baseline_heights)
+    """The relative pose by matched keypoints and spots."""
+    ia, ib = _anywhere(a, b, config) if config.sift else (_NONE, _NONE)
+    fa, fb, sa, sb = a.features.take(ia), b.features.take(ib), *_taken(a, b, spots)
+    return estimate(
+        np.concatenate([fa.bearing_rad, sa.bearing_rad]), np.concatenate([fa.slope, sa.slope]),
+        np.concatenate([fb.bearing_rad, sb.bearing_rad]), np.concatenate([fb.slope, sb.slope]),
+        config.min_inliers, config.tolerance_rad,
+    )  # fmt: skip
+
+
+def _taken(a: LandmarkRecord, b: LandmarkRecord, spots: Matched) -> tuple[Spots, Spots]:
+    return a.spots.take(spots[0]), b.spots.take(spots[1])
+
+
+def _shared(
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    spots: Matched,
+    exact: PlanarGeometry,
+    config: JointConfig,
+) -> Array:
+    """How many matched spots obey the relative pose, by the proposals they lie in: (n_a, n_b)."""
+    sa, sb = _taken(a, b, spots)
+    good = exact.obeyed(sa.bearing_rad, sa.slope, sb.bearing_rad, sb.slope, config.tolerance_rad)
+    found = np.zeros((len(a.proposals), len(b.proposals)))
+    np.add.at(found, (sa.owner[good], sb.owner[good]), 1)
+    return found
 
 
 def _guided(
@@ -262,7 +319,12 @@ def claim(
     i, j = found.pairs[k]
     bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
     support_a, support_b = found.support[k]
-    if len(support_a) < config.min_support:
+    spots_a, spots_b = found.spots[k]
+    mask_a, mask_b = mask_of(a.proposals, int(i), a.rig), mask_of(b.proposals, int(j), b.rig)
+    if len(spots_a) >= max(config.min_support, len(support_a)):
+        mask_a, mask_b = a.spots.directions[spots_a], b.spots.directions[spots_b]
+        support_a = support_b = _NONE
+    elif len(support_a) < config.min_support:
         support_a = support_b = _NONE
     return CommonLandmark(
         score,
@@ -271,8 +333,8 @@ def claim(
         support_a,
         support_b,
         found.geometry.ranges(*bearings) if found.geometry else None,
-        mask_of(a.proposals, int(i), a.rig),
-        mask_of(b.proposals, int(j), b.rig),
+        mask_a,
+        mask_b,
     )
 
 

@@ -18,6 +18,7 @@ KINDS = (
     "lamp", "pole", "sign", "bin", "hydrant",
 )  # fmt: skip
 EMBEDDED = 64  # numbers that say what a landmark looks like
+LOCAL = 32  # numbers that say what a cell looks like, to find the same spot from elsewhere
 # channels of each answer: is it a landmark; how well its box fits; log of cells to the box's left,
 # top, right and bottom; its middle: bearing from the cell (0.1 rad), log of range (10 m), and the
 # logs of how unsure each is; its kind; what it looks like
@@ -33,7 +34,7 @@ _BLOCKS = (
     (6, 5, 1, 112), (6, 5, 1, 112), (6, 5, 1, 112),
 )  # fmt: skip
 _STRIDE_4, _STRIDE_8 = 2, 4  # the last block of each
-_WIDE, _FINE = 128, 64
+_WIDE, _FINE, _HIDDEN = 128, 64, 96
 
 
 class Convolution(nn.Module):
@@ -49,10 +50,34 @@ class Convolution(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         if self.before or self.after:
-            x = torch.cat([x[..., x.shape[-1] - self.before :], x, x[..., : self.after]], dim=-1)
-            x = F.pad(x, (0, 0, self.before, self.after))
+            x = (_ring if torch.is_grad_enabled() else _ring_copied)(x, self.before, self.after)
         found: Tensor = self.conv(x)
         return found
+
+
+def _ring(x: Tensor, before: int, after: int) -> Tensor:
+    """With columns from the other end at both ends, and rows of zeros above and below."""
+    x = torch.cat([x[..., x.shape[-1] - before :], x, x[..., :after]], dim=-1)
+    return F.pad(x, (0, 0, before, after))
+
+
+def _ring_copied(x: Tensor, before: int, after: int) -> Tensor:
+    """The same, twice as fast where nothing is learned."""
+    n, channels, rows, columns = x.shape
+    size = n, channels, rows + before + after, columns + before + after
+    whole = torch.empty(size, dtype=x.dtype, memory_format=torch.channels_last)
+    whole[:, :, :before] = 0
+    whole[:, :, before + rows :] = 0
+    within = whole[:, :, before : before + rows]
+    within[..., before : before + columns] = x
+    within[..., :before] = x[..., columns - before :]
+    within[..., before + columns :] = x[..., :after]
+    return whole
+
+
+def _relu6(x: Tensor) -> Tensor:
+    """In place where nothing is learned: what comes in is a convolution's and nobody else's."""
+    return F.relu6(x, inplace=not torch.is_grad_enabled())
 
 
 class Block(nn.Module):
@@ -66,8 +91,8 @@ class Block(nn.Module):
         self.project = Convolution(inner, out)
 
     def forward(self, x: Tensor) -> Tensor:
-        inner = x if self.expand is None else F.relu6(self.expand(x))
-        out: Tensor = self.project(F.relu6(self.filter(inner)))
+        inner = x if self.expand is None else _relu6(self.expand(x))
+        out: Tensor = self.project(_relu6(self.filter(inner)))
         return out + x if out.shape == x.shape else out
 
 
@@ -86,8 +111,33 @@ class Mix(nn.Module):
         return x + out
 
 
+class Spots(nn.Module):
+    """What each cell looks like by itself, from all that the network sees, coarse to fine."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        seen = (112, 40, 24 + _FINE)  # channels at strides 16, 8 and 4
+        self.norm = nn.ModuleList(nn.BatchNorm2d(channels) for channels in seen)
+        self.widen = nn.ModuleList(nn.Conv2d(channels, _HIDDEN + LOCAL, 1) for channels in seen)
+        self.project = nn.Conv2d(_HIDDEN, LOCAL, 1)
+
+    def forward(self, coarse: Tensor, middle: Tensor, fine: Tensor) -> Tensor:
+        parts = [
+            widen(norm(seen))
+            for seen, norm, widen in zip((coarse, middle, fine), self.norm, self.widen, strict=True)
+        ]
+        hidden, direct = (
+            parts[2] + _twice(parts[1] + _twice(parts[0], "bilinear"), "bilinear")
+        ).split([_HIDDEN, LOCAL], dim=1)
+        found: Tensor = self.project(F.relu(hidden)) + direct
+        return found
+
+
 class Network(nn.Module):
-    """Pictures (n, 3, rows, columns), RGB 0..1, to answers a cell: see ``ANSWERS``."""
+    """Pictures (n, 3, rows, columns), RGB 0..1, to answers a cell: see ``ANSWERS``.
+
+    And ``local``, (n, LOCAL, ...): what the cell looks like.
+    """
 
     mean: Tensor
     spread: Tensor
@@ -118,10 +168,11 @@ class Network(nn.Module):
         self.register_buffer("spread", torch.tensor(SPREAD_RGB).view(3, 1, 1))
         # rows are slopes: how far away the ground is at each, the cameras' height being known
         self.level = nn.Parameter(torch.zeros(1, _WIDE, 17, 1))
+        self.spots = Spots()
 
     def forward(self, pictures: Tensor) -> dict[str, Tensor]:
         with torch.no_grad():  # edges and textures are the same everywhere: not learned anew
-            x = F.relu6(self.stem((pictures - self.mean) / self.spread))
+            x = _relu6(self.stem((pictures - self.mean) / self.spread))
             for block in self.blocks[: _STRIDE_4 + 1]:
                 x = block(x)
             stride_4 = x
@@ -130,6 +181,7 @@ class Network(nn.Module):
             stride_8 = x
         for block in self.blocks[_STRIDE_8 + 1 :]:
             x = block(x)
+        stride_16 = x
         looks = [look(seen) for look, seen in zip(self.looks, (stride_4, stride_8, x), strict=True)]
         x = self.coarse(x) + self.level
         around = _twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
@@ -142,6 +194,7 @@ class Network(nn.Module):
         if not self.training:  # while it learns, ``centre`` is applied to whole landmarks
             embedding = self.centre(embedding.flatten(2)).view_as(embedding)
         answers["embedding"] = embedding
+        answers["local"] = self.spots(stride_16, stride_8, torch.cat([stride_4, fine], 1)).float()
         return answers
 
     def take_over(self, backbone: Backbone) -> None:
@@ -163,5 +216,5 @@ def _look(channels: int) -> nn.Module:
     return nn.Sequential(nn.BatchNorm2d(channels), mix)
 
 
-def _twice(x: Tensor) -> Tensor:
-    return F.interpolate(x, scale_factor=2.0, mode="nearest")
+def _twice(x: Tensor, mode: str = "nearest") -> Tensor:
+    return F.interpolate(x, scale_factor=2.0, mode=mode)

@@ -27,7 +27,7 @@ _LEAST_LANDMARK = 0.35  # probability from which a cell belongs to a landmark
 _SAME_BOX = 0.5  # intersection over union from which two boxes are one proposal
 _DRAFT_BOX = 0.2  # a cell whose own box overlaps less with each draft has no say in them
 _OWN_BOX = 0.3  # a cell whose own box overlaps less with each proposal belongs to none
-_AROUND_PX, _LEAST_CONTRAST = 49, 1.0  # grey levels
+_AROUND_CELLS, _LEAST_CONTRAST = 13, 1.0  # grey levels
 _NOISE = 0.5  # share of the contrast that noise keeps when it is blurred, at most
 _LEAST_CELLS = 3
 _MOST = 160
@@ -77,8 +77,8 @@ class Proposals:
         )
 
 
-def propose(panorama: Panorama, network: "Network") -> Proposals:
-    """What may be landmarks in a panorama."""
+def propose(panorama: Panorama, network: "Network") -> tuple[Proposals, NDArray[np.float32]]:
+    """What may be landmarks in a panorama, and what each cell looks like: (d, rows, columns)."""
     import torch
 
     shown = picture_of(panorama)
@@ -88,7 +88,7 @@ def propose(panorama: Panorama, network: "Network") -> Proposals:
         pixels = (picture.float() / 255).contiguous(memory_format=torch.channels_last)
         answers = {k: a[0].numpy() for k, a in network(pixels).items()}
     answers["landmark"][0][_blank(shown)] = -np.inf
-    return from_answers(answers, panorama.rig)
+    return from_answers(answers, panorama.rig), answers["local"]
 
 
 def _blank(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
@@ -104,8 +104,12 @@ def _blank(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
 def _deviation(grey: ArrayLike) -> NDArray[np.float32]:
     """The standard deviation around each cell."""
     x = np.asarray(grey, dtype=np.float32)
-    mean, square = (cv2.blur(v, (_AROUND_PX, _AROUND_PX)) for v in (x, x * x))
-    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0))[::CELL_PX, ::CELL_PX])
+    cells = x.shape[1] // CELL_PX, x.shape[0] // CELL_PX
+    mean, square = (
+        cv2.blur(cv2.resize(v, cells, interpolation=cv2.INTER_AREA), (_AROUND_CELLS,) * 2)
+        for v in (x, x * x)
+    )
+    return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0)))
 
 
 def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Proposals:
@@ -124,11 +128,12 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     if len(chosen) == 0:
         return nothing()
     looks = np.zeros((len(chosen), len(answers["embedding"])))
-    alike, owner = _most_like(boxes, chosen, period)
-    for part, overlap in _in_parts(boxes, chosen, period):
+    alike, owner = np.zeros(len(boxes)), np.zeros(len(boxes), dtype=np.int64)
+    for part, near, overlap in _in_parts(boxes, chosen, period):
+        alike[part], owner[part] = overlap.max(axis=1), near[overlap.argmax(axis=1)]
         # a landmark's other pieces say what it looks like too, so all that overlap are heard
         weight = overlap**2 * landmark[row[part], column[part]][:, None]
-        looks += weight.T @ answers["embedding"][:, row[part], column[part]].T
+        looks[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
     length = np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
     own = alike >= _OWN_BOX
     sure = sure[own]
@@ -233,7 +238,9 @@ def _agreed_boxes(
     n = len(drafts)
     if n == 0:
         return drafts
-    alike, owner = _most_like(boxes, drafts, period)
+    alike, owner = np.zeros(len(boxes)), np.zeros(len(boxes), dtype=np.int64)
+    for part, near, overlap in _in_parts(boxes, drafts, period):
+        alike[part], owner[part] = overlap.max(axis=1), near[overlap.argmax(axis=1)]
     own = alike >= _DRAFT_BOX
     owner, weight, own_boxes = owner[own], sure[own], boxes[own]
     total = np.maximum(np.bincount(owner, weight, n), 1e-9)
@@ -248,24 +255,24 @@ def _agreed_boxes(
     return found[_one_of_each(found, most_first[total[most_first] > 1e-9], period)]
 
 
-def _most_like(
-    boxes: NDArray[np.float32], chosen: NDArray[np.float32], period: int | None
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """How much each box overlaps with the chosen one most like it, and which that is: (n,) each."""
-    alike, which = np.empty(len(boxes), dtype=np.float32), np.empty(len(boxes), dtype=np.int64)
-    for part, found in _in_parts(boxes, chosen, period):
-        which[part] = found.argmax(axis=1)
-        alike[part] = found.max(axis=1)
-    return alike, which
-
-
 def _in_parts(
     boxes: NDArray[np.float32], chosen: NDArray[np.float32], period: int | None
-) -> Iterator[tuple[slice, NDArray[np.floating]]]:
-    """Overlaps of a few hundred boxes at a time: what stays in the processor's cache is faster."""
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.floating]]]:
+    """Overlaps of a few hundred neighbouring boxes at a time with the chosen ones near them.
+
+    Yields which boxes, which chosen ones, one or more, and (boxes, chosen) overlaps.
+    """
+    order = np.argsort(boxes[:, 0] + boxes[:, 2], kind="stable")
+    middle, half = (chosen[:, 0] + chosen[:, 2]) / 2, (chosen[:, 2] - chosen[:, 0]) / 2
     for start in range(0, len(boxes), 256):
-        part = slice(start, start + 256)
-        yield part, overlaps(boxes[part], chosen, period)
+        part = order[start : start + 256]
+        low, high = boxes[part, 0].min(), boxes[part, 2].max()
+        apart = middle - (low + high) / 2
+        if period is not None:
+            apart = (apart + period / 2) % period - period / 2
+        near = np.flatnonzero(np.abs(apart) < half + (high - low) / 2)
+        if len(near):
+            yield part, near, overlaps(boxes[part], chosen[near], period)
 
 
 def _agreed(

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -82,22 +83,35 @@ def judge(
 
 def co_visible(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> list[int]:
     """Object ids of the landmarks that both poses see, enough of their surface being the same."""
-    poses = (a, b)
-    seen = [truth.visibility(pose, rig) for pose in poses]
-    visible = [table.index[table.visible] for table in seen]
-    surfaces = [_surface(truth, pose, rig) for pose in poses]
+    return shared(truth, Sights(truth, a, rig), Sights(truth, b, rig))
+
+
+class Sights:
+    """What is seen from a pose: ``table`` as of ``GroundTruth.visibility``, ``surface`` points."""
+
+    def __init__(self, truth: GroundTruth, pose: Pose, rig: CameraRig) -> None:
+        self.pose, self.rig, self._truth = pose, rig, truth
+        self.table = truth.visibility(pose, rig)
+        self.visible = set(map(int, self.table.index[self.table.visible]))
+
+    @cached_property
+    def surface(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
+        """Object ids (n,) and world points (n, 3) of a grid of directions all around."""
+        return _surface(self._truth, self.pose, self.rig)
+
+
+def shared(truth: GroundTruth, a: Sights, b: Sights) -> list[int]:
+    """``co_visible`` of poses that are looked from more than once."""
     found = []
-    for object_id in visible[0].intersection(visible[1]):
+    for object_id in sorted(a.visible & b.visible):
         if not truth.scene.objects[object_id].landmark:
             continue
-        fewer = int(seen[0].area_deg2[object_id] > seen[1].area_deg2[object_id])
-        ids, points = surfaces[fewer]
+        area = (side.table.area_deg2[object_id] for side in (a, b))
+        fewer, other = (b, a) if next(area) > next(area) else (a, b)
+        ids, points = fewer.surface
         own = points[ids == object_id]
-        if (
-            len(own)
-            and _seen_share(truth, object_id, own, poses[1 - fewer], rig) >= CO_VISIBLE_SHARE
-        ):
-            found.append(int(object_id))
+        if len(own) and _seen_share(truth, object_id, own, other.pose, a.rig) >= CO_VISIBLE_SHARE:
+            found.append(object_id)
     return found
 
 

@@ -66,6 +66,7 @@ def locate(
     near_rad: float | None = None,
     window_rad: float = np.pi,
     min_matches: int = 5,
+    ratio: float = _RATIO,
 ) -> Sighting | None:
     """Find a template in the current features; None if fewer than ``min_matches`` agree.
 
@@ -75,7 +76,7 @@ def locate(
     """
     if near_rad is not None:
         current = current.take(np.abs(wrap_angle_rad(current.bearing_rad - near_rad)) <= window_rad)
-    i, j = mutual_matches(template.features.descriptors, current.descriptors, _RATIO)
+    i, j = mutual_matches(template.features.descriptors, current.descriptors, ratio)
     if len(i) < min_matches:
         return None
     offset, stored_slope = template.features.bearing_rad[i], template.features.slope[i]

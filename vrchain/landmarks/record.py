@@ -18,10 +18,11 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.proposer import Proposals, propose
 from vrchain.landmarks.raster import CELL_PX, ROWS, cell_slopes, columns_of
 from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.spots import NO_SPOTS, Spots, described, descriptors_of, spots_of
 from vrchain.landmarks.weights import SHIPPED, load_network, weights_digest
 from vrchain.panorama import CameraRig, Panorama
 
-_MAGIC = b"VRLAND\x00\x01"
+_MAGIC = b"VRLAND\x00\x02"
 _MAX_BYTES = 4_000_000
 _ANGLE = 2**15 / np.pi  # angles and slopes as 16-bit numbers
 _SLOPE = 2**13
@@ -47,6 +48,7 @@ class LandmarkRecord:
     maker: str
     proposals: Proposals
     features: Features
+    spots: Spots = NO_SPOTS
 
 
 def maker_of(weights: Path = SHIPPED, config: RecordConfig | None = None) -> str:
@@ -66,10 +68,11 @@ def examine(
     features: all its keypoints, where they are known already.
     """
     config = config or RecordConfig()
-    proposals = propose(panorama, load_network(weights))
+    proposals, local = propose(panorama, load_network(weights))
     found = extract(panorama) if features is None else features
     kept = _kept(found, proposals, panorama.rig, config)
-    return LandmarkRecord(panorama.rig, maker_of(weights, config), proposals, kept)
+    spots = spots_of(proposals, panorama.rig, descriptors_of(proposals, local))
+    return LandmarkRecord(panorama.rig, maker_of(weights, config), proposals, kept, spots)
 
 
 def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> NDArray[np.int64]:
@@ -116,6 +119,7 @@ def encode_record(record: LandmarkRecord) -> bytes:
         np.round(f.slope * _SLOPE).clip(-32768, 32767).astype("<i2"),
         np.round(f.size_rad * _SLOPE).clip(0, 65535).astype("<u2"),
         f.descriptors,
+        record.spots.descriptors,
     ]  # fmt: skip
     header = {
         "rig": asdict(record.rig),
@@ -123,6 +127,7 @@ def encode_record(record: LandmarkRecord) -> bytes:
         "proposals": len(p),
         "embedded": p.embedding.shape[1],
         "keypoints": len(f),
+        "spots": list(record.spots.descriptors.shape),
     }
     table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
     body = zlib.compress(b"".join(a.tobytes() for a in arrays), 6)
@@ -139,10 +144,11 @@ def decode_record(blob: bytes) -> LandmarkRecord:
         header = json.loads(blob[start:end])
         rig, maker = CameraRig(**header["rig"]), str(header["maker"])
         n, d, k = (int(header[key]) for key in ("proposals", "embedded", "keypoints"))
+        s, local = (int(x) for x in header["spots"])
         cells = ROWS // CELL_PX * (columns_of(rig) // CELL_PX)
-        size = n * 9 * 4 + n + n * d + cells + k * (2 + 2 + 2 + 128)
-        if min(n, k) < 0 or n > 254 or not 0 < d <= 1024 or size > _MAX_BYTES:
-            raise ValueError(f"{n} proposals of {d} numbers, {k} keypoints")
+        size = n * 9 * 4 + n + n * d + cells + k * (2 + 2 + 2 + 128) + s * local
+        if min(n, k, s) < 0 or n > 254 or size > _MAX_BYTES or not 0 < min(d, local) <= 1024:
+            raise ValueError(f"{n} proposals of {d} numbers, {k} keypoints, {s} spots of {local}")
         unpacker = zlib.decompressobj()
         body = unpacker.decompress(blob[end:], size + 1)
         if len(body) != size or not unpacker.eof or unpacker.unused_data:
@@ -163,7 +169,7 @@ def decode_record(blob: bytes) -> LandmarkRecord:
     kinds, embedding = read("<u1", n).astype(np.int64), read("<i1", n, d).astype(np.float32)
     grid = read("<u1", cells)
     bearing, slope, size_rad = read("<i2", k), read("<i2", k), read("<u2", k)
-    descriptors = read("<u1", k, 128)
+    descriptors, spots = read("<u1", k, 128), read("<i1", s, local)
     if not np.isfinite(numbers).all() or (grid[grid < 255] >= n).any():
         raise ImageError("landmark record: expected finite numbers and owners that are there")
     cell = np.flatnonzero(grid < 255)
@@ -175,4 +181,6 @@ def decode_record(blob: bytes) -> LandmarkRecord:
     features = Features(
         bearing / _ANGLE, slope / _SLOPE, size_rad / _SLOPE, descriptors.astype(np.uint8)
     )
-    return LandmarkRecord(rig, maker, proposals, features)
+    if len(described(proposals)) != s:
+        raise ImageError(f"landmark record: {s} spots described, not {len(described(proposals))}")
+    return LandmarkRecord(rig, maker, proposals, features, spots_of(proposals, rig, spots))

@@ -35,7 +35,8 @@ class Variant:
     look: what is kept of a panorama. compare: of two looks at panoramas of one rig, their claims,
     surest first, and the relative pose if it has one. keypoints: those of a look that the supports
     of its claims count by. maker: what its results depend on beside the code, as text: results
-    that are kept are used again only where it is the same.
+    that are kept are used again only where it is the same. claimed: the score from which its claims
+    count where all are kept to see what other thresholds would do.
     """
 
     name: str
@@ -43,12 +44,13 @@ class Variant:
     compare: Callable[[Any, Any], Comparison]
     keypoints: Callable[[Any], Features]
     maker: str = ""
+    claimed: float = 0.5
 
 
 def sift(min_score: float = MatchConfig().min_score) -> Variant:
     """SIFT over whole panoramas under one relative pose."""
     matching = partial(_by_sift, config=MatchConfig(min_score=min_score))
-    return Variant("sift", _whole, matching, lambda look: look[0])
+    return Variant("sift", _whole, matching, lambda look: look[0], claimed=MatchConfig().min_score)
 
 
 def learned(
@@ -61,7 +63,8 @@ def learned(
     config, calibration = config or JointConfig(), load_calibration(weights)
     look = _look_by(weights)
     joining = partial(compare_joint, config=config, calibration=calibration)
-    return Variant(name or config.name, look, joining, _kept, maker_of(weights))
+    own = name or config.name
+    return Variant(own, look, joining, _kept, maker_of(weights), JointConfig().min_score)
 
 
 def compared(variant: Variant, a: Panorama, b: Panorama) -> Comparison:
@@ -88,12 +91,16 @@ def halved(panorama: Panorama) -> Panorama:
     return Panorama(small, np.stack(views).astype(np.uint8))
 
 
-def variant_named(name: str, min_score: float = 0.5) -> Variant:
-    """A variant by its name, or MODULE:NAME of one plugged in; MissionError if there is none."""
+def variant_named(name: str, min_score: float | None = None) -> Variant:
+    """A variant by its name, or MODULE:NAME of one plugged in; MissionError if there is none.
+
+    min_score: of the claims that it makes, if not its own.
+    """
     if name == "sift":
-        return sift(min_score)
+        return sift() if min_score is None else sift(min_score)
     if name in JOINT:
-        return learned(replace(JOINT[name], min_score=min_score))
+        config = JOINT[name]
+        return learned(config if min_score is None else replace(config, min_score=min_score))
     module, _, attribute = name.partition(":")
     try:
         found = getattr(importlib.import_module(module), attribute) if attribute else None
@@ -109,8 +116,10 @@ def variant_named(name: str, min_score: float = 0.5) -> Variant:
 JOINT = {
     config.name: config
     for config in (
-        JointConfig(sift=False),
+        JointConfig(sift=False, spots=False),
         JointConfig(),
+        JointConfig(sift=False),
+        JointConfig(spots=False),
         JointConfig(embedding=False),
         JointConfig(geometry=False),
     )

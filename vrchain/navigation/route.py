@@ -5,22 +5,20 @@ in front of the robot and every other robot's newest.
 """
 
 from collections.abc import Mapping, Set
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import pairwise
 
 import numpy as np
 
 from vrchain.errors import VRChainError
-from vrchain.landmarks.common import CommonLandmark, Comparison, support_score
+from vrchain.landmarks.common import CommonLandmark, Comparison
 from vrchain.landmarks.index import LandmarkIndex
-from vrchain.landmarks.recognition import Goal, Sighting, find_goal
-from vrchain.landmarks.sift import Features
+from vrchain.navigation.eyes import GoalPictures, GoalSight, Look
 from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planner import Chain
 from vrchain.panorama import CameraRig
 
-_FAR_M = 30.0  # a way this long by a landmark leaves 1/e of the chance to arrive
-_NEIGHBOUR_M = 10.0  # robots farther apart have few landmarks in common, and less sure ones
+_FAR_M = 80.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST = 1e-300  # a chance is never nothing
 
@@ -47,7 +45,7 @@ class Route:
 
     legs: tuple[Leg, ...]
     seen_by: str
-    sighting: Sighting
+    sighting: GoalSight
     score: float
 
     @property
@@ -61,14 +59,15 @@ class Plan:
     """The best route, or None; what is known of who sees the goal, in matches; the graph.
 
     spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
-    newest panorama is gone or is none.
+    newest panorama is gone or is none. compared: what each two panoramas have in common.
     """
 
     route: Route | None
     spares: tuple[Route, ...]
     graph: LandmarkGraph
-    goal_seen_by: dict[str, Sighting]
+    goal_seen_by: dict[str, GoalSight]
     unreadable: tuple[str, ...]
+    compared: Mapping[tuple[str, str], Comparison] = field(default_factory=dict)
 
     @property
     def why_none(self) -> str:
@@ -88,11 +87,10 @@ class Plan:
 
 def plan(
     robot: str,
-    current: Features,
-    rig: CameraRig,
+    current: Look,
     newest: Mapping[str, bytes],
-    index: LandmarkIndex,
-    goal: Goal,
+    index: LandmarkIndex[Look],
+    goal: GoalPictures,
     failed: Set[LandmarkKey] = frozenset(),
     doubted: Set[str] = frozenset(),
     spares: int = 2,
@@ -104,27 +102,28 @@ def plan(
     """
     unreadable = tuple(name for name in sorted(newest) if not _readable(index, newest[name]))
     newest = {name: digest for name, digest in newest.items() if name not in unreadable}
-    seen: dict[str, Sighting] = {}
+    seen: dict[str, GoalSight] = {}
     for name, digest in newest.items():
-        sighting = find_goal(goal, index.features(digest))
-        if sighting is not None and name not in doubted:
+        sighting = goal.find(index.look(digest))
+        if sighting is not None and sighting.chance > 0 and name not in doubted:
             seen[name] = sighting
     names = [robot, *sorted(newest)]
-    claims = []
+    claims, compared = [], {}
     for i, a in enumerate(names):
         for b in names[i + 1 :]:
-            compared = (
-                index.compare_with(current, rig, newest[b])
+            found = (
+                index.compare_with(current, newest[b])
                 if a == robot
                 else index.compare(newest[a], newest[b])
             )
-            baseline_m = _baseline_m(compared, rig)
+            compared[a, b] = found
+            baseline_m = _baseline_m(found, current.rig)
             claims += [
                 Claim(a, b, common, max(worth(common, baseline_m), _LEAST))
-                for common in compared.common
+                for common in found.common
                 if _key(a, b, common) not in failed
             ]
-    chances = {name: support_score(sighting.n_matches) for name, sighting in seen.items()}
+    chances = {name: sighting.chance for name, sighting in seen.items()}
     graph = landmark_graph(names, claims, chances)
     without = [k for k, (_, c) in enumerate(graph.legs) if _key(c.a, c.b, c.landmark) in failed]
     chains = graph.planner.routes(
@@ -132,28 +131,26 @@ def plan(
         without_legs=without,
     )  # fmt: skip
     routes = tuple(_route(graph, chain, seen) for chain in chains)
-    return Plan(routes[0] if routes else None, routes[1:], graph, seen, unreadable)
+    return Plan(routes[0] if routes else None, routes[1:], graph, seen, unreadable, compared)
 
 
-def _readable(index: LandmarkIndex, digest: bytes) -> bool:
+def _readable(index: LandmarkIndex[Look], digest: bytes) -> bool:
     """Whether the panorama is there and is one: what others publish may be anything."""
     try:
-        index.features(digest)
+        index.look(digest)
     except VRChainError:
         return False
     return True
 
 
 def worth(claim: CommonLandmark, baseline_m: float) -> float:
-    """The chance to get on by a common landmark: its score, less for robots far from each other.
+    """The chance to get on by a common landmark: its score, less for a long way by it.
 
-    baseline_m: the distance between the two robots that have it in common. Also less for a long
-    way by the landmark.
+    baseline_m: the distance between the two robots that have it in common.
     """
     if claim.ranges is None:
         return claim.score
-    apart = (baseline_m / _NEIGHBOUR_M) ** 2 + sum(claim.ranges) * baseline_m / _FAR_M
-    return claim.score * float(np.exp(-apart))
+    return claim.score * float(np.exp(-sum(claim.ranges) * baseline_m / _FAR_M))
 
 
 def _baseline_m(compared: Comparison, rig: CameraRig) -> float:
@@ -167,7 +164,7 @@ def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
     return (a, b, round(float(np.degrees(bearing)) / 5))
 
 
-def _route(graph: LandmarkGraph, chain: Chain, seen: Mapping[str, Sighting]) -> Route:
+def _route(graph: LandmarkGraph, chain: Chain, seen: Mapping[str, GoalSight]) -> Route:
     robots = [graph.robots[i] for i in chain.robots]
     legs = tuple(
         _leg(*pair, graph.legs[k][1], graph.name(landmark))

@@ -1,100 +1,61 @@
-"""Keeping a landmark in sight while driving towards it, and judging how near it is."""
+"""Keeping a landmark in mind while driving towards it: where it is, and whether a view shows it."""
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.recognition import LOWEST_SLOPE, Sighting, Template, locate, template_around
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.calibration import Calibration
+from vrchain.navigation.eyes import Look
+from vrchain.navigation.places import Place, sighted
 
-_WINDOW_RAD = 0.5  # from one look to the next a landmark's bearing changes less
-_LEAST_WAY_M = 1.5  # before which growth tells nothing
-_DOUBT = 2.0  # scale is a rough measure
+_ASTRAY = 3.0  # standard deviations from where it is believed to be
+_LEAST = 0.0  # log-likelihood ratio of looks and place from which it is taken for the landmark
 
 
+@dataclass(eq=False)
 class Tracker:
-    """Follows a landmark from view to view.
+    """A landmark that is driven to.
 
-    The pictures of it that one started with are trusted most; between them, and when the robot
-    has come too near for them, the newest view of it serves as the next picture.
-
-    bearing_rad: where it was last seen. growth: how many times larger it looks than at the start.
-    lost: looks since it was seen. best_matches: for each picture the most keypoints that agreed.
+    place: where it is believed to be; embedding: (k, d) of how it was seen; seen: sights of it, and
+    missed: looks since the last one.
     """
 
-    def __init__(
-        self,
-        templates: Sequence[Template],
-        min_matches: int,
-        sighting: Sighting,
-        features: Features,
-        here: Pose,
-    ) -> None:
-        self.templates, self._min_matches = templates, min_matches
-        self.bearing_rad, self.growth, self.lost = sighting.bearing_rad, 1.0, 0
-        self.best_matches = [0] * len(templates)
-        self._start, self._yaw_rad = here, here.yaw_rad
-        self._track = sighting_template(features, sighting)
-        self._first: dict[int, tuple[float, float]] = {}  # picture -> its scale, growth then
-        self.update(features, here)
+    place: Place
+    embedding: NDArray[np.float32]
+    calibration: Calibration
+    seen: int = 0
+    missed: int = 0
 
-    def turn_to(self, here: Pose) -> float:
-        """The bearing of the landmark now that the robot's odometry reads ``here``."""
-        self.bearing_rad = float(wrap_angle_rad(self.bearing_rad + self._yaw_rad - here.yaw_rad))
-        self._yaw_rad = here.yaw_rad
-        return self.bearing_rad
+    def moved(self, way_m: float) -> None:
+        """The robot has driven so far: odometry has drifted."""
+        self.place = self.place.after(way_m)
 
-    def update(self, features: Features, here: Pose) -> bool:
-        """Take in a new look; whether the landmark is in it."""
-        near_rad = self.turn_to(here)
-        seen = self._by_picture(features, near_rad)
-        if seen is None:
-            seen = locate(self._track, features, near_rad, _WINDOW_RAD)
-            self.growth *= seen.scale if seen is not None else 1.0
-        self.lost = 0 if seen is not None else self.lost + 1
-        if seen is None:
+    def update(self, look: Look, here: Pose) -> bool:
+        """Take in a look that should show it; whether it does."""
+        best = self._best(look, here)
+        if best is None:
+            self.missed += 1
             return False
-        self.bearing_rad = seen.bearing_rad
-        self._track = sighting_template(features, seen)
+        index, sight = best
+        self.place = self.place.with_sight(sight)
+        self.embedding = np.vstack([self.embedding[:4], look.proposals.embedding[index]])
+        self.seen, self.missed = self.seen + 1, 0
         return True
 
-    def may_be_within(self, range_m: float, here: Pose) -> bool:
-        """Whether the landmark can be so near.
-
-        A thing that looks g times larger after a way D towards it is D / (g - 1) away: so an
-        obstacle in the way is not taken for the landmark behind it.
-        """
-        way_m = here.distance_to_m(self._start.xy_m)
-        return way_m >= _LEAST_WAY_M and way_m <= (self.growth - 1) * range_m * _DOUBT
-
-    def _by_picture(self, features: Features, near_rad: float) -> Sighting | None:
-        found = best_sighting(self.templates, features, self._min_matches, near_rad)
-        if found is None:
+    def _best(self, look: Look, here: Pose) -> tuple[int, Place] | None:
+        p = look.proposals
+        if len(p) == 0 or len(self.embedding) == 0:
             return None
-        picture, seen = found
-        scale, growth = self._first.setdefault(picture, (seen.scale, self.growth))
-        self.growth = growth * seen.scale / scale
-        self.best_matches[picture] = max(self.best_matches[picture], seen.n_matches)
-        return seen
-
-
-def best_sighting(
-    templates: Sequence[Template],
-    features: Features,
-    min_matches: int,
-    near_rad: float | None = None,
-) -> tuple[int, Sighting] | None:
-    """The picture (its index) with most matches, and where it says the landmark is."""
-    found = [
-        (index, seen)
-        for index, template in enumerate(templates)
-        if (seen := locate(template, features, near_rad, _WINDOW_RAD, min_matches)) is not None
-    ]
-    return max(found, key=lambda pair: pair[1].n_matches, default=None)
-
-
-def sighting_template(features: Features, sighting: Sighting) -> Template:
-    """What is seen now, as the next picture to recognise it by."""
-    half_width = float(np.clip(sighting.half_width_rad, 0.05, 0.6))
-    return template_around(features, sighting.bearing_rad, half_width, (LOWEST_SLOPE, np.inf))
+        cosine = (p.embedding @ self.embedding.T).astype(float).max(axis=1)
+        looks = self.calibration.alike_scale * (cosine - self.calibration.alike_even)
+        found = []
+        for i in np.flatnonzero(looks > -1.0):
+            bearing, range_m = float(wrap_angle_rad(p.bearing_rad[i])), float(p.range_m[i])
+            sight = sighted(here, bearing, range_m)
+            astray = self.place.astray(sight)
+            if astray <= _ASTRAY:
+                found.append((float(looks[i]) + 1.0 - astray**2 / 2, int(i), sight))
+        worth, index, sight = max(found, key=lambda f: f[0], default=(_LEAST, -1, self.place))
+        return (index, sight) if worth > _LEAST else None

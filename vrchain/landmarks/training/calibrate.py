@@ -34,8 +34,8 @@ from vrchain.truth import GroundTruth
 Array = NDArray[np.float64]
 
 WEIGHED = (
-    JointConfig(sift=False), JointConfig(), JointConfig(embedding=False),
-    JointConfig(geometry=False),
+    JointConfig(sift=False, spots=False), JointConfig(), JointConfig(sift=False),
+    JointConfig(spots=False), JointConfig(embedding=False), JointConfig(geometry=False),
 )  # fmt: skip
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000

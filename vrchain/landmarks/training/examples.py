@@ -26,7 +26,7 @@ from vrchain.scene.spec import SceneSpec, parse_spec
 from vrchain.seeding import generator
 from vrchain.truth import VISIBLE_AREA_DEG2, VISIBLE_AZIMUTH_DEG
 
-FORMAT = 1
+FORMAT = 2
 _JPEG_QUALITY = 95
 _TRIES = 1000
 _TIMES = ("noon", "noon", "evening", "overcast")
@@ -50,12 +50,14 @@ class Examples:
     """Panoramas of one suburb, in groups, with what their cells show.
 
     pictures: (n,) JPEG bytes, see ``raster.picture_of``; cells: (n, rows, columns) int16 object id
-    a cell, -1 where there is no visible landmark; group: (n,) int; poses: (n, 3) x_m, y_m, yaw_rad;
+    a cell, -1 where there is no visible landmark; range_m: (n, rows, columns) float16, over the
+    ground, to what a cell shows, 0 for sky; group: (n,) int; poses: (n, 3) x_m, y_m, yaw_rad;
     centres_m: (objects, 2) middles of the objects; kinds, models: (objects,) str.
     """
 
     pictures: tuple[bytes, ...]
     cells: NDArray[np.int16]
+    range_m: NDArray[np.float16]
     group: NDArray[np.int16]
     poses: NDArray[np.float64]
     centres_m: NDArray[np.float64]
@@ -134,7 +136,7 @@ def read_examples(file: Path) -> Examples:
             coded, ends = stored["coded"].tobytes(), stored["ends"]
             starts = np.concatenate([[0], ends[:-1]])
             pictures = tuple(coded[a:b] for a, b in zip(starts, ends, strict=True))
-            names = ("cells", "group", "poses", "centres_m", "kinds", "models")
+            names = ("cells", "range_m", "group", "poses", "centres_m", "kinds", "models")
             return Examples(pictures, *(stored[name] for name in names))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise LearnedError(
@@ -149,6 +151,7 @@ def _write(file: Path, examples: Examples) -> None:
         coded=np.frombuffer(b"".join(examples.pictures), dtype=np.uint8),
         ends=np.cumsum([len(p) for p in examples.pictures]),
         cells=examples.cells,
+        range_m=examples.range_m,
         group=examples.group,
         poses=examples.poses,
         centres_m=examples.centres_m,
@@ -166,14 +169,14 @@ def _look_around(scene: Scene, config: ExampleConfig, k: int) -> Examples:
     renderer, truth, rig = Renderer(scene), GroundTruth(scene), CameraRig()
     grid = np.broadcast_arrays(cell_bearings_rad(rig)[None, :], cell_slopes()[:, None])
     landmark = np.array([o.landmark for o in scene.objects])
-    pictures, cells, group, poses = [], [], [], []
+    pictures, cells, range_m, group, poses = [], [], [], [], []
     for number in range(config.groups):
         places = list(_group_of_poses(scene, config, draws))
         shown = draws.random() < config.robots
         for i, pose in enumerate(places):
             others = {f"R{j}": p for j, p in enumerate(places) if j != i and shown}
             picture = picture_of(renderer.render(pose, rig, others))
-            ids, _ = truth.look_along(pose, grid[0], grid[1], rig, others)
+            ids, points_m = truth.look_along(pose, grid[0], grid[1], rig, others)
             coded = cv2.imencode(
                 ".jpg",
                 cv2.cvtColor(picture, cv2.COLOR_RGB2BGR),
@@ -181,11 +184,13 @@ def _look_around(scene: Scene, config: ExampleConfig, k: int) -> Examples:
             )[1]
             pictures.append(coded.tobytes())
             cells.append(_visible_landmarks(ids, landmark))
+            range_m.append(np.nan_to_num(np.hypot(*(points_m[..., :2] - pose.xy_m).T).T))
             group.append(number)
             poses.append((pose.x_m, pose.y_m, pose.yaw_rad))
     return Examples(
         tuple(pictures),
         np.stack(cells),
+        np.stack(range_m).astype(np.float16),
         np.array(group, dtype=np.int16),
         np.array(poses),
         np.array([o.bounds_m.mean(axis=0)[:2] for o in scene.objects]),

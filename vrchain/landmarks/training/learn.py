@@ -39,6 +39,7 @@ from vrchain.landmarks.training.losses import (
     losses,
     target_of,
 )
+from vrchain.landmarks.training.spots import Spots, spot_loss, spots_of, spots_right
 from vrchain.seeding import generator
 
 HELD_OUT_SEED = 900  # suburbs that are never learned from, to watch the learning by
@@ -50,11 +51,12 @@ class TrainConfig:
 
     examples: ExampleConfig = field(default_factory=ExampleConfig)
     held_out: int = 6  # suburbs to watch the learning by
-    steps: int = 3000  # of the optimiser
+    steps: int = 1200  # of the optimiser, until landmarks are known
+    spot_steps: int = 700  # after them, in which single spots are learned as well
     groups: int = 2  # groups of panoramas a step
     rate: float = 1.5e-3  # largest learning rate, of the layers that begin anew
     backbone_rate: float = 0.2  # that of the layers taken over, as a share of ``rate``
-    warm_up: int = 100  # steps until the rate is reached; then it falls as a cosine
+    warm_up: int = 100  # steps until the rate is reached; then it falls as a cosine, twice
     decay: float = 1e-3  # of weights, a step, as a share of the rate
     strangers: int = 1024  # landmarks of earlier groups that are told apart from the present ones
     checkpoint_steps: int = 50
@@ -75,17 +77,24 @@ def learn(config: TrainConfig, folder: Path) -> tuple[Network, list[dict[str, An
     network, optimiser = _begin(config)
     checkpoint = folder / f"checkpoint_{config_name(config)}.pt"
     start, record, strangers = _resume(checkpoint, network, optimiser)
-    bar = tqdm(range(start, config.steps), initial=start, total=config.steps, desc="learning",
-               unit="step", disable=None)  # fmt: skip
+    steps = config.steps + config.spot_steps
+    bar = tqdm(range(start, steps), initial=start, total=steps, desc="learning", unit="step",
+               disable=None)  # fmt: skip
     running: dict[str, float] = {}
     for step, batch in zip(bar, _batches(suburbs, config, start), strict=True):
         for group, rate in zip(optimiser.param_groups, _rates(config, step), strict=True):
             group["lr"] = rate
-        for pictures, targets in batch:
+        # landmarks are known by now: single spots are learned as well, and landmarks by their parts
+        further = step >= config.steps
+        draws = generator(config.seed, "parts", step) if further else None
+        for pictures, targets, spots in batch:
             with torch.autocast("cpu", dtype=torch.bfloat16):
                 answers = network(pictures)
-            embedded = landmark_embeddings(answers, targets, network.centre)
+            embedded = landmark_embeddings(answers, targets, network.centre, draws)
             parts = losses(answers, targets, embedded, strangers)
+            if further:
+                parts["spots"] = spot_loss(answers["local"], spots)
+                parts["total"] = parts["total"] + parts["spots"]
             (parts["total"] / len(batch)).backward()
             strangers = torch.cat([embedded[0].detach(), strangers])[: config.strangers]
             for name, value in parts.items():
@@ -95,10 +104,10 @@ def learn(config: TrainConfig, folder: Path) -> tuple[Network, list[dict[str, An
         optimiser.zero_grad()
         bar.set_postfix({k: f"{v:.2f}" for k, v in running.items()}, refresh=False)
         done = step + 1
-        if done % config.metrics_steps == 0 or done == config.steps:
+        if done % config.metrics_steps == 0 or done == steps:
             record.append({"step": done, **running, **metrics(network, held_out)})
             print(json.dumps({k: round(v, 3) for k, v in record[-1].items()}), flush=True)
-        if done % config.checkpoint_steps == 0 or done == config.steps:
+        if done % config.checkpoint_steps == 0 or done == steps:
             state = {"network": network.state_dict(), "optimiser": optimiser.state_dict(),
                      "step": done, "record": record, "strangers": strangers}  # fmt: skip
             buffer = io.BytesIO()
@@ -133,10 +142,12 @@ def _begin(config: TrainConfig) -> tuple[Network, torch.optim.AdamW]:
 
 def _rates(config: TrainConfig, step: int) -> tuple[float, float]:
     """Learning rates of the layers taken over and of the new ones."""
+    first = step < config.steps
+    step, steps = (step, config.steps) if first else (step - config.steps, config.spot_steps)
     if step < config.warm_up:
         share = (step + 1) / config.warm_up
     else:
-        done = (step - config.warm_up) / max(1, config.steps - config.warm_up)
+        done = (step - config.warm_up) / max(1, steps - config.warm_up)
         share = 0.5 * (1 + math.cos(math.pi * done)) + 0.01
     return config.rate * share * config.backbone_rate, config.rate * share
 
@@ -153,7 +164,7 @@ def _resume(
     return 0, [], strangers
 
 
-Batch = list[tuple[Tensor, list[Target]]]
+Batch = list[tuple[Tensor, list[Target], list[Spots]]]
 
 
 def _batches(suburbs: list[Examples], config: TrainConfig, start: int) -> Iterator[Batch]:
@@ -161,21 +172,26 @@ def _batches(suburbs: list[Examples], config: TrainConfig, start: int) -> Iterat
 
     def batch(step: int) -> Batch:
         draws = generator(config.seed, "step", step)
+        spots = generator(config.seed, "spots", step) if step >= config.steps else None
         chosen = [suburbs[int(draws.integers(len(suburbs)))] for _ in range(config.groups)]
-        return [_group(s, int(draws.choice(np.unique(s.group))), draws) for s in chosen]
+        return [_group(s, int(draws.choice(np.unique(s.group))), draws, spots) for s in chosen]
 
     with ThreadPoolExecutor(1) as pool:
         coming = pool.submit(batch, start)
-        for step in range(start, config.steps):
+        steps = config.steps + config.spot_steps
+        for step in range(start, steps):
             ready = coming.result()
-            if step + 1 < config.steps:
+            if step + 1 < steps:
                 coming = pool.submit(batch, step + 1)
             yield ready
 
 
 def _group(
-    suburb: Examples, group: int, draws: np.random.Generator | None = None
-) -> tuple[Tensor, list[Target]]:
+    suburb: Examples,
+    group: int,
+    draws: np.random.Generator | None = None,
+    spots: np.random.Generator | None = None,
+) -> tuple[Tensor, list[Target], list[Spots]]:
     """The panoramas of a group and what to answer; with ``draws`` mirrored and coloured anew."""
     members = np.flatnonzero(suburb.group == group)
     mirrored = draws is not None and draws.random() < 0.5
@@ -186,7 +202,8 @@ def _group(
         pictures = [recoloured(p, draws) for p in pictures]
     stacked = torch.from_numpy(np.ascontiguousarray(np.stack(pictures))).permute(0, 3, 1, 2)
     pixels = (stacked.float() / 255).contiguous(memory_format=torch.channels_last)
-    return pixels, [target_of(suburb, int(i), mirrored) for i in members]
+    targets = [target_of(suburb, int(i), mirrored) for i in members]
+    return pixels, targets, spots_of(suburb, members, spots, mirrored) if spots else []
 
 
 def recoloured(picture: NDArray[np.uint8], draws: np.random.Generator) -> NDArray[np.uint8]:
@@ -208,17 +225,22 @@ def metrics(network: Network, held_out: list[Examples]) -> dict[str, float]:
 
     right: a landmark's most alike one in another panorama of its group is itself. overlap: of
     cells said and known to be landmarks. range_off: median of the error's share of the range.
-    bearing_off_rad: median.
+    bearing_off_rad: median. spots_right: the cell most like a spot seen from elsewhere shows it.
     """
     network.eval()
     right, n, both, either = 0, 0, 0, 0
+    found_spots, n_spots = 0, 0
     range_off, bearing_off = [], []
     for suburb in held_out:
         for group in np.unique(suburb.group)[:3]:
-            pictures, targets = _group(suburb, int(group))
+            pictures, targets, spots = _group(
+                suburb, int(group), spots=generator(0, "watched", int(group))
+            )
             with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16):
                 answers = network(pictures)
             embedding, ids, panorama = landmark_embeddings(answers, targets)
+            of_these, in_all = spots_right(answers["local"], spots)
+            found_spots, n_spots = found_spots + of_these, n_spots + in_all
             for i in range(len(targets)):
                 for j in range(len(targets)):
                     if i == j:
@@ -242,4 +264,5 @@ def metrics(network: Network, held_out: list[Examples]) -> dict[str, float]:
         "overlap": both / max(1, either),
         "range_off": float(np.median(np.concatenate(range_off))),
         "bearing_off_rad": float(np.median(np.concatenate(bearing_off))),
+        "spots_right": found_spots / max(1, n_spots),
     }

@@ -20,6 +20,7 @@ from vrchain.landmarks.training.examples import Examples
 
 _LEAST_RANGE_M = 0.5
 _TEMPERATURE = 0.07
+_PART, _PART_EXTENT = 0.4, (0.3, 1.0)  # how often a part of a landmark is drawn, and how much of it
 _WEIGHTS = {
     "landmark": 3.0, "fit": 0.3, "box": 1.0, "middle": 0.5, "kind": 0.3, "embedding": 1.0,
 }  # fmt: skip
@@ -136,23 +137,43 @@ def box_overlap(a: Tensor, b: Tensor) -> Tensor:
 
 
 def landmark_embeddings(
-    answers: dict[str, Tensor], targets: list[Target], centre: nn.Module | None = None
+    answers: dict[str, Tensor],
+    targets: list[Target],
+    centre: nn.Module | None = None,
+    draws: np.random.Generator | None = None,
 ) -> Embedded:
     """Of each landmark of each panorama: unit embedding (n, embedded), object id, panorama.
 
-    centre: takes away what all landmarks have in common, where the network did not.
+    centre: takes away what all landmarks have in common, where the network did not. With ``draws``
+    of some landmarks a part alone, as proposals often hold no more.
     """
     found, ids, panorama = [], [], []
     for i, target in enumerate(targets):
         seen = answers["embedding"][i].flatten(1)[:, target.cell].T
-        mean = torch.zeros(len(target.ids), seen.shape[1]).index_add(0, target.owner, seen)
-        found.append(mean / torch.bincount(target.owner, minlength=len(target.ids))[:, None])
+        weight = torch.ones(len(target.cell)) if draws is None else _parts(target, draws)
+        own = torch.zeros(len(target.ids), seen.shape[1])
+        total = torch.zeros(len(target.ids)).index_add(0, target.owner, weight)
+        own = own.index_add(0, target.owner, seen * weight[:, None])
+        found.append(own / total[:, None])
         ids.append(torch.from_numpy(target.ids.astype(np.int64)))
         panorama.append(torch.full((len(target.ids),), i))
     together = torch.cat(found)
     if centre is not None:
         together = centre(together)
     return F.normalize(together, dim=1), torch.cat(ids), torch.cat(panorama)
+
+
+def _parts(target: Target, draws: np.random.Generator) -> Tensor:
+    """How much each cell counts, (m,): nearly nothing outside a part drawn of its landmark."""
+    n = len(target.ids)
+    weight = torch.ones(len(target.cell))
+    for low, high in ((0, 2), (1, 3)):  # across, and up and down
+        extent = np.where(draws.random(n) < _PART, draws.uniform(*_PART_EXTENT, n), 1.0)
+        start = draws.uniform(0, 1, n) * (1 - extent)
+        begins, ends = (torch.from_numpy(x).float()[target.owner] for x in (start, start + extent))
+        place = target.box[:, low] / (target.box[:, low] + target.box[:, high])
+        weight *= torch.where((place >= begins) & (place <= ends), 1.0, 1e-3)
+    return weight
 
 
 def contrastive(embedding: Tensor, ids: Tensor, panorama: Tensor, strangers: Tensor) -> Tensor:

@@ -23,9 +23,12 @@ class Profile:
 
 PROFILES = {
     "quick": Profile(
-        TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=250), CalibrateConfig(suburbs=8)
+        TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=200, spot_steps=80),
+        CalibrateConfig(suburbs=8),
     ),
-    "full": Profile(TrainConfig(ExampleConfig(suburbs=90), steps=1200), CalibrateConfig()),
+    "full": Profile(
+        TrainConfig(ExampleConfig(suburbs=90), steps=1200, spot_steps=700), CalibrateConfig()
+    ),
 }
 
 

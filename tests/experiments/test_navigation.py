@@ -1,0 +1,100 @@
+"""Missions of the experiment, driven with true landmarks: no network, so that they are quick."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from hamlet import hamlet
+from sights import RIG
+
+from vrchain.errors import MissionError
+from vrchain.experiments import missions, navigation
+from vrchain.experiments.missions import Mission, TrueChain
+from vrchain.experiments.navigation import as_table, evaluate, summarise
+from vrchain.experiments.scenes import Scenes
+from vrchain.geometry import Pose
+from vrchain.navigation.mission import MissionConfig
+
+HAMLET = Scenes(lambda seed, k: hamlet(), "hamlet", varied=False)
+SHORT = MissionConfig(limit_s=150.0)
+
+
+@pytest.fixture(autouse=True)
+def _short_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(missions, "WAY_M", (12.0, 60.0))
+
+
+def oracle(folder: Path, n: int = 2) -> tuple[pd.DataFrame, list[Mission]]:
+    return evaluate(HAMLET, n, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT)
+
+
+def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table, drawn = oracle(tmp_path)
+    assert list(table.mission) == [0, 1] and set(table.arm) == {"oracle"}
+    assert table.success.all() and table.arrived.all(), table.reason.to_list()
+    assert (table.collisions == 0).all()
+    assert (table.driven_m > 0).all() and (table.range_m <= 3.0).all()
+    assert (table.seconds_simulated <= SHORT.limit_s + 1).all()
+    monkeypatch.setattr(navigation, "Suburb", None)  # nothing is left to do
+    again, same = oracle(tmp_path)
+    pd.testing.assert_frame_equal(table, again)
+    assert same == drawn
+    stored = [json.loads(f.read_text()) for f in sorted(tmp_path.rglob("*_oracle.json"))]
+    assert all(s["log"][-1]["what"] == "arrived" for s in stored)
+
+
+def mission(number: int, landmarks: int) -> Mission:
+    chain = TrueChain(("R1",) * (landmarks + 1), ("tree",) * landmarks, 60.0)
+    return Mission(
+        number, "house", (), {"R1": Pose(0, 0)}, 50.0, chain if landmarks else None,
+        {"way too long": 2},
+    )  # fmt: skip
+
+
+def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> dict:
+    return {
+        "suburb": number // 2, "mission": number, "arm": arm,
+        "arrived": success if arrived is None else arrived, "success": success, "reason": "",
+        "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
+        "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
+        "seconds_simulated": 200.0, "wall_s": 30.0,
+    }  # fmt: skip
+
+
+def test_the_figures_of_made_up_missions() -> None:
+    drawn = [mission(n, n % 3) for n in range(6)]
+    rows = [row(n, "ledger", n != 5, True) for n in range(6)]
+    rows += [row(n, "alone", n < 2) for n in range(6)]
+    found = summarise(pd.DataFrame(rows), drawn)
+    ledger, alone = found["ledger"], found["alone"]
+    assert (ledger["n"], ledger["n_with_chain"]) == (6, 4)
+    assert ledger["success"] == pytest.approx(5 / 6)
+    assert ledger["success_given_chain"] == pytest.approx(3 / 4)
+    assert ledger["false_arrivals"] == 1 and alone["false_arrivals"] == 0
+    assert ledger["spl"] == pytest.approx(5 / 6 * 0.5)
+    assert ledger["spl_chain"] == pytest.approx(3 / 4 * 0.6)
+    assert ledger["times_alone"] == pytest.approx(2.5) and "times_alone" not in alone
+    low, high = ledger["success_ci"]
+    assert low <= ledger["success"] <= high
+    assert ledger["chain_lengths"] == {"0": 2, "1": 2, "2": 2}
+    assert ledger["rejected_draws"] == {"way too long": 12}
+    assert (ledger["replans"], ledger["legs"], ledger["seconds_simulated"]) == (1, 2, 200)
+    assert json.loads(json.dumps(found)) == found
+    assert "0.75 [" in as_table(found).success_given_chain["ledger"]
+
+
+def test_without_any_chain_what_is_given_a_chain_is_null() -> None:
+    found = summarise(pd.DataFrame([row(0, "oracle", True)]), [mission(0, 0)])["oracle"]
+    assert found["success_given_chain"] is None and found["spl_chain_ci"] is None
+    assert found["success"] == 1.0
+    assert np.isfinite(found["seconds_simulated"])
+
+
+@pytest.mark.parametrize(("n", "arms"), [(0, ["oracle"]), (1, ["magic"])])
+def test_what_cannot_be_asked(n: int, arms: list[str], tmp_path: Path) -> None:
+    with pytest.raises(MissionError, match="expected 1 mission or more and arms of"):
+        evaluate(HAMLET, n, 4, arms, seed=3, folder=tmp_path)

@@ -1,0 +1,44 @@
+"""The network sees a ring, and answers alike whether it is learning or not."""
+
+import pytest
+
+from vrchain.landmarks.raster import CELL_PX, ROWS
+
+torch = pytest.importorskip("torch", reason="the network needs torch (extra `learned`)")
+from vrchain.landmarks.network import ANSWERS, LOCAL, Network  # noqa: E402
+
+TURN = 32  # pixels of the coarsest cell that takes part
+
+
+@pytest.fixture(scope="module")
+def network() -> Network:
+    torch.manual_seed(0)
+    return Network().eval()
+
+
+@pytest.fixture(scope="module")
+def picture() -> "torch.Tensor":
+    return torch.rand(1, 3, ROWS, 160, generator=torch.Generator().manual_seed(1))
+
+
+def test_each_cell_is_answered(network: Network, picture: "torch.Tensor") -> None:
+    with torch.inference_mode():
+        found = network(picture)
+    shapes = {name: tuple(a.shape) for name, a in found.items()}
+    channels = {**ANSWERS, "local": LOCAL}
+    assert shapes == {name: (1, n, ROWS // CELL_PX, 160 // CELL_PX) for name, n in channels.items()}
+
+
+def test_nothing_is_cut_at_the_seam(network: Network, picture: "torch.Tensor") -> None:
+    with torch.inference_mode():
+        found, turned = network(picture), network(picture.roll(TURN, dims=-1))
+    for name in ANSWERS:
+        torch.testing.assert_close(turned[name], found[name].roll(TURN // CELL_PX, dims=-1))
+
+
+def test_learning_or_not_it_answers_alike(network: Network, picture: "torch.Tensor") -> None:
+    learning = network(picture)
+    with torch.no_grad():
+        found = network(picture)
+    for name, answer in found.items():
+        torch.testing.assert_close(answer, learning[name].detach())

@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose
+from vrchain.navigation.ways import Ways
+
+BEAMS = 2 * np.pi * np.arange(72) / 72
+HERE = Pose(0.0, 0.0)
+
+
+def ring_before(x_m: float, y_m: tuple[float, float]) -> NDArray[np.float64]:
+    """The range ring at the origin before a wall across the x axis from y to y."""
+    with np.errstate(divide="ignore", invalid="ignore"):
+        range_m = x_m / np.cos(BEAMS)
+        hits_m = range_m * np.sin(BEAMS)
+    hit = (np.cos(BEAMS) > 0) & (hits_m >= y_m[0]) & (hits_m <= y_m[1]) & (range_m < 8)
+    return np.where(hit, range_m, 8.0)
+
+
+def test_the_unknown_is_taken_for_free() -> None:
+    ways = Ways()
+    assert ways.course_rad(HERE, np.array([20.0, 20.0]), 1.0) == pytest.approx(np.pi / 4, abs=0.1)
+    way = ways.way_m(HERE, np.array([20.0, 0.0]), 1.0)
+    assert np.hypot(*(way[-1] - [20.0, 0.0])) <= 1.0 and np.hypot(*way[0]) < 0.5
+
+
+def test_a_way_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
+    ways = Ways()
+    ways.note(HERE, ring_before(3.0, (-6.0, 2.0)))
+    way = ways.way_m(HERE, np.array([8.0, 0.0]), 1.0)
+    assert np.hypot(*(way[-1] - [8.0, 0.0])) <= 1.0
+    crossing = way[np.abs(way[:, 0] - 3.0).argmin()]
+    assert crossing[1] > 2.3  # room for the robot
+    assert ways.course_rad(HERE, np.array([8.0, 0.0]), 1.0) > 0.2
+    straight, around = Ways().lengths_m(HERE, np.array([[8.0, 0.0]])), ways.lengths_m(
+        HERE, np.array([[8.0, 0.0]])
+    )  # fmt: skip
+    assert around[0] > straight[0] + 0.5
+
+
+def test_what_is_gone_is_forgotten_when_a_beam_goes_through_or_long_after() -> None:
+    target = np.array([6.0, 0.0])
+    ways = Ways()
+    ways.note(HERE, ring_before(2.0, (-4.0, 4.0)))
+    assert abs(ways.course_rad(HERE, target, 1.0)) > 0.5
+    ways.note(HERE, np.full(72, 8.0))
+    ways.note(Pose(0.0, 0.05), np.full(72, 8.0))
+    assert abs(ways.course_rad(HERE, target, 1.0)) < 0.3
+    ways.note(HERE, ring_before(4.0, (-6.0, 6.0)))
+    ways.driven_m += 200.0
+    assert abs(ways.course_rad(HERE, target, 1.0)) < 0.2
+
+
+def test_shut_in_there_is_no_course_but_no_error() -> None:
+    ways = Ways()
+    ways.note(HERE, np.full(72, 1.2))
+    assert len(ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)) >= 1
+    nearest = ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)[-1]
+    assert np.hypot(*nearest) < 1.2
+    assert np.isinf(ways.lengths_m(HERE, np.array([[10.0, 0.0]]))).all()
+
+
+def test_arrived_there_is_nothing_left_to_drive() -> None:
+    assert Ways().course_rad(HERE, np.array([0.5, 0.0]), 1.0) is None
+
+
+def test_out_of_a_nook_there_is_a_way() -> None:
+    """A wall that is nearer than ways may come to one."""
+    ways = Ways()
+    ways.note(HERE, ring_before(0.42, (-3.0, 3.0)))
+    way = ways.way_m(HERE, np.array([-10.0, 0.0]), 1.0)
+    assert np.hypot(*(way[-1] - [-10.0, 0.0])) <= 1.0
+
+
+def test_where_there_was_no_headway_something_is_taken_to_be() -> None:
+    ways = Ways()
+    ways.block(HERE, 0.0)
+    assert abs(ways.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2

@@ -1,0 +1,298 @@
+"""How often, and how directly, robots arrive: missions with the ledger, alone, and by truth.
+
+Every mission is driven by each arm: *ledger* plans from what the others have published, and goes
+and looks elsewhere where no chain leads on; *alone* has the same senses, recognition and time, but
+no ledger, so that it only looks elsewhere; *oracle* is ledger with landmarks as truth has them. The
+other robots have each published what they see from where they stand, and stay there.
+
+About ten missions a suburb. Each is saved as it ends, so that a run broken off goes on with the
+next. Broadcasting every panorama to everyone would differ from ledger in bytes alone.
+"""
+
+import hashlib
+import json
+import tempfile
+from collections import Counter
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from tqdm.auto import tqdm
+
+from vrchain.errors import MissionError
+from vrchain.experiments.mission import index_of, is_at, newest_of
+from vrchain.experiments.missions import Ground, Mission
+from vrchain.experiments.oracle import Oracle
+from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.team import assemble, goal_pictures
+from vrchain.files import write_file
+from vrchain.geometry import Pose
+from vrchain.landmarks.record import maker_of
+from vrchain.landmarks.weights import SHIPPED
+from vrchain.ledger import Ledger, simulated_key
+from vrchain.navigation.eyes import GoalPictures, goal_from, learned_eyes
+from vrchain.navigation.mission import Decision, MissionConfig, MissionResult, run_mission
+from vrchain.panorama import CameraRig
+from vrchain.render import Renderer
+from vrchain.seeding import generator
+from vrchain.simulator import Simulator
+from vrchain.truth import GroundTruth
+
+FORMAT = 1
+ARMS = ("ledger", "alone", "oracle")
+MISSIONS_A_SUBURB = 10
+_RESAMPLED = 1000
+
+
+class Suburb:
+    """One scene with all that is made of it once, and missions in it."""
+
+    def __init__(self, scenes: Scenes, seed: int, k: int, rig: CameraRig) -> None:
+        self.scene, self.seed, self.k, self.rig = scenes.scene(seed, k), seed, k, rig
+        self.truth, self.renderer = GroundTruth(self.scene), Renderer(self.scene)
+        self.ground = Ground(self.scene, self.truth, rig)
+
+    def drive(
+        self,
+        mission: Mission,
+        arm: str,
+        config: MissionConfig | None = None,
+        weights: Path = SHIPPED,
+        tell: Callable[[Decision], None] = lambda decision: None,
+    ) -> dict[str, object]:
+        """Drive a mission by one arm: a row of ``evaluate``'s table, and its log."""
+        start = perf_counter()
+        number = self.seed * 100_003 + self.k * 1009 + mission.number
+        simulator = Simulator(self.scene, mission.poses, seed=number, rig=self.rig)
+        simulator.truth, simulator.renderer = self.truth, self.renderer
+        robot, *others = mission.poses
+        members = {name: simulated_key(number, name).public for name in mission.poses}
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            Ledger.create(
+                Path(folder) / "ledger", members, simulated_key(number, "operator")
+            ) as ledger,
+        ):
+            taken: dict[bytes, Pose] = {}  # from where panoramas were, by their bytes
+            if arm == "oracle":
+                oracle = Oracle(self.truth, self.rig)
+                eyes = oracle.eyes(lambda: simulator.pose(robot), taken.__getitem__)
+                goal = oracle.goal(mission.goal)
+            else:
+                eyes, goal = learned_eyes(weights), self._goal(mission, weights)
+            robots = assemble(
+                simulator, ledger, number, examine=None if arm == "oracle" else eyes.record
+            )
+            newest = newest_of(ledger, robot)
+            for name in others if arm != "alone" else ():
+                robots[name].observe(look=True)
+                taken[ledger.payload(newest()[name])] = simulator.pose(name)
+            result = run_mission(
+                robot, robots[robot], newest, index_of(ledger, eyes), goal, eyes, config, tell
+            )
+        return self._row(mission, arm, simulator, robot, result, perf_counter() - start)
+
+    def _goal(self, mission: Mission, weights: Path) -> GoalPictures:
+        pictures = goal_pictures(
+            self.scene, self.renderer, mission.goal, mission.goal_poses, self.rig
+        )
+        return goal_from(pictures, weights)
+
+    def _row(
+        self,
+        mission: Mission,
+        arm: str,
+        simulator: Simulator,
+        robot: str,
+        result: MissionResult,
+        wall_s: float,
+    ) -> dict[str, object]:
+        at_goal, range_m = is_at(
+            self.scene, self.truth, mission.goal, simulator.pose(robot), self.rig
+        )
+        path = simulator.path_xy_m(robot)
+        chain = mission.chain
+        return {
+            "mission": mission.number,
+            "arm": arm,
+            "arrived": result.arrived,
+            "success": result.arrived and at_goal,
+            "reason": result.reason,
+            "range_m": range_m,
+            "driven_m": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+            "way_m": mission.way_m,
+            "chain": len(chain.landmarks) if chain else 0,
+            "chain_way_m": chain.way_m if chain else None,
+            "collisions": simulator.collisions(robot),
+            "replans": max(0, len(result.plans) - 1),
+            "legs": sum(d.what == "reached" for d in result.decisions),
+            "seconds_simulated": simulator.clock_ns / 1e9,
+            "wall_s": wall_s,
+            "log": [asdict(d) for d in result.decisions],
+        }
+
+
+def evaluate(
+    scenes: Scenes,
+    n_missions: int,
+    n_robots: int,
+    arms: Sequence[str] = ARMS,
+    *,
+    seed: int,
+    folder: Path,
+    rig: CameraRig | None = None,
+    config: MissionConfig | None = None,
+    weights: Path = SHIPPED,
+) -> tuple[pd.DataFrame, list[Mission]]:
+    """One row a mission and arm, and the missions as they were drawn.
+
+    What was found already under ``folder`` is read from there.
+    """
+    unknown = [arm for arm in arms if arm not in ARMS]
+    if n_missions < 1 or unknown:
+        raise MissionError(
+            f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
+            f"{', '.join(arms)}"
+        )
+    rig, config = rig or CameraRig(), config or MissionConfig()
+    drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig)]
+    driven = [*drawn, asdict(config), maker_of(weights)]
+    own = folder / _name(drawn)
+    rows, missions = [], []
+    suburb: Suburb | None = None
+    for number in tqdm(range(n_missions), desc="missions", unit="", disable=None):
+        k = number // MISSIONS_A_SUBURB
+
+        def here(k: int = k) -> Suburb:
+            nonlocal suburb
+            if suburb is None or suburb.k != k:
+                suburb = Suburb(scenes, seed, k, rig)
+            return suburb
+
+        file = own / f"mission_{number:04d}.json"
+        if not file.exists():
+            mission = here().ground.draw(seed, k, number, n_robots)
+            write_file(file, json.dumps(mission.as_dict()).encode())
+        mission = Mission.from_dict(json.loads(file.read_text()))
+        missions.append(mission)
+        for arm in arms:
+            file = own / _name(driven) / f"mission_{number:04d}_{arm}.json"
+            if not file.exists():
+                found = here().drive(mission, arm, config, weights)
+                write_file(file, json.dumps(found).encode())
+            row = json.loads(file.read_text())
+            row.pop("log")
+            rows.append({"suburb": k if scenes.varied else number, **row})
+    return pd.DataFrame(rows), missions
+
+
+def _name(asked: object) -> str:
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def summarise(
+    table: pd.DataFrame, missions: Sequence[Mission], *, seed: int = 0
+) -> dict[str, dict[str, object]]:
+    """The figures of each arm, with 95 % intervals under NAME_ci: bootstrap over suburbs.
+
+    success and spl over all n missions; success_given_chain and spl_chain over the n_with_chain
+    that a chain leads through; false_arrivals and collisions are counts, replans, legs and
+    seconds_simulated means. Of ledger, times_alone: its successes over those of alone. Also how
+    many missions need how many landmarks, and how many draws were rejected for what.
+    """
+    suburbs = np.sort(table.suburb.unique())
+    again = generator(seed, "bootstrap", "navigation").integers(
+        len(suburbs), size=(_RESAMPLED, len(suburbs))
+    )
+    lengths = Counter(len(m.chain.landmarks) if m.chain else 0 for m in missions)
+    rejected: Counter[str] = Counter()
+    for mission in missions:
+        rejected.update(mission.rejected)
+    found: dict[str, dict[str, object]] = {}
+    for arm, own in table.groupby("arm", sort=False):
+        found[str(arm)] = {
+            **_summary(own, suburbs, again),
+            "chain_lengths": {str(n): lengths[n] for n in sorted(lengths)},
+            "rejected_draws": dict(rejected),
+        }
+    if {"ledger", "alone"} <= found.keys():
+        ours, theirs = (
+            _by_suburb(table[table.arm == arm].success, table[table.arm == arm].suburb, suburbs)
+            for arm in ("ledger", "alone")
+        )
+        found["ledger"] |= _ratio("times_alone", ours, theirs, again)
+    return found
+
+
+def _summary(
+    own: pd.DataFrame, suburbs: NDArray[np.int64], again: NDArray[np.int64]
+) -> dict[str, object]:
+    success = own.success.astype(float)
+    chained = own[own.chain > 0]
+    spl: pd.Series = success * own.way_m / np.maximum(own.driven_m, own.way_m)
+    chain_way_m = chained.chain_way_m.astype(float)
+    spl_chain = chained.success.astype(float) * chain_way_m
+    spl_chain = spl_chain / np.maximum(chained.driven_m, chain_way_m)
+    found: dict[str, object] = {"n": len(own), "n_with_chain": len(chained)}
+    for name, values, of in (
+        ("success", success, own),
+        ("success_given_chain", chained.success, chained),
+        ("spl", spl, own),
+        ("spl_chain", spl_chain, chained),
+    ):
+        one = pd.Series(1.0, index=of.index)
+        found |= _ratio(
+            name,
+            _by_suburb(values, of.suburb, suburbs),
+            _by_suburb(one, of.suburb, suburbs),
+            again,
+        )
+    found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
+    found["collisions"] = int(own.collisions.sum())
+    for name in ("replans", "legs", "seconds_simulated", "wall_s"):
+        found[name] = float(own[name].mean())
+    return found
+
+
+def _by_suburb(values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]) -> NDArray[np.float64]:
+    summed = values.astype(float).groupby(of).sum()
+    return np.asarray(summed.reindex(suburbs).fillna(0), dtype=float)
+
+
+def _ratio(
+    name: str,
+    top: NDArray[np.float64],
+    bottom: NDArray[np.float64],
+    again: NDArray[np.int64],
+) -> dict[str, object]:
+    """The share and its interval, null without anything to divide by."""
+    under = bottom[again].sum(axis=1)
+    shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
+    return {
+        name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
+        f"{name}_ci": [float(q) for q in np.quantile(shares, [0.025, 0.975])]
+        if len(shares)
+        else None,
+    }
+
+
+def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
+    """The figures to read: one row an arm, intervals in brackets."""
+
+    def shown(figures: Mapping[str, object], name: str) -> str:
+        value, interval = figures.get(name), figures.get(f"{name}_ci")
+        if not isinstance(value, float):
+            return "-" if value is None else str(value)
+        ends = f" [{interval[0]:.2f}, {interval[1]:.2f}]" if isinstance(interval, list) else ""
+        return f"{value:.2f}{ends}"
+
+    names = (
+        "n", "n_with_chain", "success", "success_given_chain", "times_alone", "spl", "spl_chain",
+        "false_arrivals", "collisions", "replans", "legs", "seconds_simulated", "wall_s",
+    )  # fmt: skip
+    rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}
+    return pd.DataFrame(rows).T.rename_axis("arm")

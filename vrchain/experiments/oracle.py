@@ -1,0 +1,131 @@
+"""Eyes that cannot err: landmarks as truth has them, for the arm that missions are measured by."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.calibration import Calibration
+from vrchain.landmarks.common import CommonLandmark, Comparison
+from vrchain.landmarks.epipolar import PlanarGeometry
+from vrchain.landmarks.joint import region_of
+from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.quality import Sights, shared
+from vrchain.landmarks.recognition import Goal
+from vrchain.landmarks.sift import Features
+from vrchain.navigation.eyes import Eyes, GoalPictures, Look
+from vrchain.panorama import CameraRig
+from vrchain.robot import Observation
+from vrchain.seeding import generator
+from vrchain.truth import GroundTruth
+
+_DIMENSIONS = 64
+_CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
+_NONE = np.empty(0, dtype=np.int64)
+_NO_KEYPOINTS = Features(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 128), dtype=np.uint8))
+
+
+class Oracle:
+    """What is truly visible from where pictures were taken."""
+
+    def __init__(self, truth: GroundTruth, rig: CameraRig) -> None:
+        self.truth, self.rig = truth, rig
+        self._taken: dict[int, tuple[Look, Pose]] = {}
+        self._sights: dict[Pose, Sights] = {}
+
+    def eyes(self, here: Callable[[], Pose], stored: Callable[[bytes], Pose]) -> Eyes:
+        """The eyes of a robot. here: its true pose; stored: that of a panorama, by its bytes."""
+
+        def examine(seen: Observation) -> Look:
+            return self._look(here())
+
+        def published(panorama: bytes, landmarks: bytes | None) -> Look:
+            return self._look(stored(panorama))
+
+        return Eyes(examine, published, self.compare, _CALIBRATION)
+
+    def goal(self, name: str) -> GoalPictures:
+        """The goal, known by what it is."""
+        return GoalPictures(_embedding(name)[None], Goal(()), _CALIBRATION, by_looks=True)
+
+    def compare(self, a: Look, b: Look) -> Comparison:
+        """The landmarks that are truly co-visible, and the true relative pose."""
+        pose_a, pose_b = self._taken[id(a)][1], self._taken[id(b)][1]
+        names = [self.truth.scene.objects[i].name for i in self._shared(pose_a, pose_b)]
+        claims = []
+        for name in names:
+            regions = []
+            for look in (a, b):
+                p = look.proposals
+                alike = p.embedding @ _embedding(name)
+                if len(alike) and alike.max() > 0.99:
+                    regions.append(region_of(p, int(alike.argmax()), self.rig))
+            if len(regions) == 2:
+                claims.append(CommonLandmark(1.0, regions[0], regions[1], _NONE, _NONE))
+        geometry = PlanarGeometry(
+            pose_a.bearing_to_rad(pose_b.xy_m),
+            float(wrap_angle_rad(pose_b.yaw_rad - pose_a.yaw_rad)),
+            np.ones(len(claims), dtype=bool),
+            0.0,
+            pose_a.distance_to_m(pose_b.xy_m) / self.rig.camera_height_m,
+        )
+        return Comparison(tuple(claims), geometry)
+
+    def _shared(self, a: Pose, b: Pose) -> list[int]:
+        for pose in (a, b):
+            if pose not in self._sights:
+                self._sights[pose] = Sights(self.truth, pose, self.rig)
+        return shared(self.truth, self._sights[a], self._sights[b])
+
+    def _look(self, pose: Pose) -> Look:
+        if pose not in self._sights:
+            self._sights[pose] = Sights(self.truth, pose, self.rig)
+        sights = self._sights[pose]
+        ids, points = sights.surface
+        objects = self.truth.scene.objects
+        chosen = sorted(i for i in sights.visible if objects[i].landmark)
+        bearing, range_m, box = [], [], []
+        for i in chosen:
+            own = points[ids == i]
+            if len(own) == 0:
+                own = np.append(objects[i].bounds_m.mean(axis=0)[:2], 1.0)[None]
+            offset = own[:, :2] - pose.xy_m
+            away_m = np.hypot(*offset.T)
+            middle = objects[i].bounds_m[:, :2].mean(axis=0)
+            bearing.append(pose.bearing_to_rad(middle))
+            range_m.append(pose.distance_to_m(middle))
+            box.append(self._box(pose, offset, away_m, own[:, 2]))
+        n = len(chosen)
+        proposals = Proposals(
+            np.ones(n), np.array(box).reshape(n, 4), np.array(bearing), np.array(range_m),
+            np.full(n, 0.01), np.full(n, 0.02), np.zeros(n, dtype=np.int64),
+            np.array([_embedding(objects[i].name) for i in chosen], dtype=np.float32)
+            .reshape(n, _DIMENSIONS), _NONE, _NONE,
+        )  # fmt: skip
+        look = Look(self.rig, proposals, _NO_KEYPOINTS)
+        self._taken[id(look)] = look, pose
+        return look
+
+    def _box(
+        self,
+        pose: Pose,
+        offset_m: NDArray[np.float64],
+        away_m: NDArray[np.float64],
+        z_m: NDArray[np.float64],
+    ) -> tuple[float, float, float, float]:
+        """The box of what is seen; its lower edge is where the nearest point stands."""
+        angle = np.arctan2(offset_m[:, 1], offset_m[:, 0]) - pose.yaw_rad
+        middle = float(np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()))
+        off = wrap_angle_rad(angle - middle)
+        height_m = self.rig.camera_height_m
+        low = -height_m / float(away_m.min())
+        return (
+            middle + float(off.min()), middle + float(off.max()), low,
+            float(((z_m - height_m) / away_m).max()),
+        )  # fmt: skip
+
+
+def _embedding(name: str) -> NDArray[np.float32]:
+    drawn = generator(0, "oracle", name).normal(size=_DIMENSIONS)
+    return np.asarray(drawn / np.linalg.norm(drawn), dtype=np.float32)

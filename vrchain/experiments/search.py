@@ -1,0 +1,203 @@
+"""Who sees my goal? One goal looked up in hundreds of panoramas, beside matching them all by SIFT.
+
+Every goal is looked up twice: where some panoramas show it, and, those left out, where none does.
+"""
+
+import hashlib
+import json
+from dataclasses import asdict, dataclass
+from functools import partial
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+import pandas as pd
+from tqdm.auto import tqdm
+
+from vrchain.errors import MissionError
+from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.team import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
+from vrchain.files import write_file
+from vrchain.geometry import Pose
+from vrchain.landmarks.gallery import gallery_of, sought, who_sees
+from vrchain.landmarks.recognition import find_goal, goal_of
+from vrchain.landmarks.record import LandmarkRecord, decode_record, encode_record, examine, maker_of
+from vrchain.landmarks.sift import Features, extract
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.render import Renderer
+from vrchain.scene.model import Scene
+from vrchain.seeding import generator
+from vrchain.truth import GroundTruth
+
+FORMAT = 2
+WAYS = ("gallery", "sift")
+_TRIES = 1000
+_DRAWS, _INTERVAL = 2000, (2.5, 97.5)
+
+
+@dataclass(frozen=True)
+class SearchConfig:
+    """panoramas, goals: of each scene; by_sift: how many goals are looked up by SIFT as well."""
+
+    panoramas: int = 500
+    goals: int = 20
+    by_sift: int = 2
+
+
+def evaluate(
+    scenes: Scenes, n_scenes: int, config: SearchConfig, *, seed: int, folder: Path
+) -> pd.DataFrame:
+    """One row a goal and way to look it up; what was found already under ``folder`` is read.
+
+    Columns: scene, goal, way, showing (panoramas that show it), present (whether they were left
+    in), answered, right (the first answer shows it; or, they being left out, there is no answer),
+    found (panoramas answered that show it), s. MissionError if nothing is asked for.
+    """
+    if min(config.panoramas, config.goals, n_scenes) < 1:
+        raise MissionError(f"expected 1 panorama, goal and scene or more, got {config}")
+    asked = [FORMAT, scenes.digest, asdict(config), seed, maker_of()]
+    own = folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+    tables = []
+    for k in range(n_scenes):
+        file = own / f"scene_{k:02d}.json"
+        if not file.exists():
+            found = _search_in(scenes.scene(seed, k), config, seed, k)
+            write_file(file, found.to_json(orient="records").encode())
+        tables.append(pd.DataFrame(json.loads(file.read_text())).assign(scene=k))
+    return pd.concat(tables, ignore_index=True)
+
+
+def summarise(found: pd.DataFrame) -> dict[str, dict]:
+    """By way: first_right and nobody_right with intervals, recall, ms a goal, and how many goals.
+
+    Intervals: 95 %, bootstrap over goals. ratio: how many times faster than SIFT, and recall of
+    both, are of the goals that SIFT looked up as well.
+    """
+    summary = {}
+    for way in WAYS:
+        own = found[found.way == way]
+        if own.empty:
+            continue
+        there, gone = own[own.present], own[~own.present]
+        summary[way] = {
+            "n": len(there),
+            "first_right": float(there.right.mean()),
+            "first_right_ci": _interval(there.right),
+            "nobody_right": float(gone.right.mean()),
+            "nobody_right_ci": _interval(gone.right),
+            "recall": float(there.found.sum() / there.showing.sum()),
+            "ms_per_goal": float(own.s.median() * 1e3),
+        }
+    both = found[found.groupby(["scene", "goal"]).way.transform("nunique") == len(WAYS)]
+    if len(both):
+        seconds = both.groupby("way").s.median()
+        there = both[both.present]
+        recall = there.groupby("way").found.sum() / there.groupby("way").showing.sum()
+        summary["side by side"] = {
+            "n": len(there) // len(WAYS),
+            "times_faster": float(seconds["sift"] / seconds["gallery"]),
+            "recall_gallery": float(recall["gallery"]),
+            "recall_sift": float(recall["sift"]),
+        }
+    return summary
+
+
+def _interval(right: pd.Series) -> list[float]:
+    draws = generator(0, "bootstrap", len(right)).integers(0, len(right), (_DRAWS, len(right)))
+    low, high = np.percentile(right.to_numpy(dtype=float)[draws].mean(axis=1), _INTERVAL)
+    return [float(low), float(high)]
+
+
+@dataclass(frozen=True, eq=False)
+class _Taken:
+    """A panorama taken: its record, all its keypoints, and the objects it shows.
+
+    hints: objects of which it shows a pixel or more.
+    """
+
+    record: LandmarkRecord
+    features: Features
+    shows: frozenset[int]
+    hints: frozenset[int]
+
+
+def _search_in(scene: Scene, config: SearchConfig, seed: int, k: int) -> pd.DataFrame:
+    renderer, truth, rig = Renderer(scene), GroundTruth(scene), CameraRig()
+    draws = generator(seed, "search", k)
+    poses = _poses(scene, config.panoramas, draws)
+    taken = [
+        _take(renderer.render(pose, rig), truth, pose)
+        for pose in tqdm(poses, desc="panoramas", disable=None)
+    ]
+    rows: list[dict] = []
+    looked_up = 0
+    for goal in map(int, draws.permutation(goal_ids(scene, None))):
+        showing = {n for n, t in enumerate(taken) if goal in t.shows}
+        pictured = goal_poses(scene, truth, goal, seed)
+        if not showing or len(pictured) < GOAL_PICTURES:
+            continue
+        name = scene.objects[goal].name
+        pictures = goal_pictures(scene, renderer, name, pictured, rig)
+        ways = {"gallery": _by_gallery}
+        if looked_up < config.by_sift:
+            ways["sift"] = _by_sift
+        for present in (True, False):
+            among = [n for n, t in enumerate(taken) if present or goal not in t.hints]
+            for way, look_up in ways.items():
+                answer = partial(look_up, {n: taken[n] for n in among})
+                start = perf_counter()
+                answers = answer(pictures)
+                seconds = perf_counter() - start
+                right = answers[:1] and answers[0] in showing if present else not answers
+                rows.append(
+                    {
+                        "goal": name,
+                        "way": way,
+                        "showing": len(showing),
+                        "present": present,
+                        "answered": len(answers),
+                        "right": bool(right),
+                        "found": len(showing & set(answers)),
+                        "s": seconds,
+                    }
+                )
+        looked_up += 1
+        if looked_up == config.goals:
+            break
+    return pd.DataFrame(rows)
+
+
+def _poses(scene: Scene, n: int, draws: np.random.Generator) -> list[Pose]:
+    """Free poses, uniform."""
+    half, found = np.array(scene.extent_m) / 2, list[Pose]()
+    for _ in range(_TRIES * n):
+        place = draws.uniform(-half, half)
+        if scene.is_free([place]).all():
+            found.append(Pose(*map(float, (*place, draws.uniform(-np.pi, np.pi)))))
+        if len(found) == n:
+            return found
+    raise MissionError(f"found only {len(found)} of {n} free places in {scene.name!r}")
+
+
+def _take(panorama: Panorama, truth: GroundTruth, pose: Pose) -> _Taken:
+    features = extract(panorama)
+    seen = truth.visibility(pose, panorama.rig)
+    record = decode_record(encode_record(examine(panorama, features=features)))  # as published
+    return _Taken(
+        record, features, frozenset(seen.index[seen.visible]), frozenset(seen.index)
+    )  # fmt: skip
+
+
+def _by_gallery(among: dict[int, _Taken], pictures: list[Panorama]) -> list[int]:
+    what = sought([examine(p) for p in pictures])
+    gallery = gallery_of({n: t.record for n, t in among.items()})
+    return [seen.key for seen in who_sees(what, gallery) if seen.belief > 0]
+
+
+def _by_sift(among: dict[int, _Taken], pictures: list[Panorama]) -> list[int]:
+    goal, found = goal_of(pictures), []
+    for n, taken in among.items():
+        sighting = find_goal(goal, taken.features)
+        if sighting is not None:
+            found.append((-sighting.n_matches, n))
+    return [n for _, n in sorted(found)]

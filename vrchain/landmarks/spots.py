@@ -1,0 +1,130 @@
+"""Spots: single cells of landmarks, each with a learned descriptor, matched between panoramas.
+
+The network learns to tell every spot of a landmark from all others, whichever way it is looked at,
+so that spots match where keypoints no longer do. Large landmarks give a sample of their cells.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from vrchain.landmarks.epipolar import PlanarGeometry
+from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
+from vrchain.panorama import CameraRig
+
+Array = NDArray[np.float64]
+Matched = tuple[NDArray[np.int64], NDArray[np.int64]]
+"""Spots of A and of B, those of one place being the same."""
+
+EACH = 100  # of a proposal, at most
+ONE = 127.0  # in descriptors of unit length
+
+_MOST = 2200  # of a panorama, when all are matched with all
+_TOLERANCE_RAD = 0.012  # a cell is as wide
+_LEAST_ALIKE = 0.3  # cosine
+_NONE = np.empty(0, dtype=np.int64)
+
+
+@dataclass(frozen=True, eq=False)
+class Spots:
+    """Spots of one panorama, (n,) each, in the order of their proposals' cells.
+
+    owner: the proposal; bearing_rad, slope: robot's frame; descriptors: (n, d) int8, of length
+    ``ONE``.
+    """
+
+    owner: NDArray[np.int64]
+    bearing_rad: Array
+    slope: Array
+    descriptors: NDArray[np.int8]
+
+    def __len__(self) -> int:
+        return len(self.owner)
+
+    def take(self, index: ArrayLike) -> "Spots":
+        """The spots at ``index`` (integers or a mask)."""
+        i = np.asarray(index)
+        return Spots(self.owner[i], self.bearing_rad[i], self.slope[i], self.descriptors[i])
+
+    @property
+    def directions(self) -> Array:
+        """(n, 2): bearing_rad and slope."""
+        return np.column_stack([self.bearing_rad, self.slope])
+
+
+NO_SPOTS = Spots(_NONE, np.empty(0), np.empty(0), np.empty((0, 1), dtype=np.int8))
+
+
+def described(proposals: Proposals) -> NDArray[np.int64]:
+    """Which of the proposals' cells are spots: places in ``proposals.cell``."""
+    owner = proposals.owner
+    order = np.argsort(owner, kind="stable")
+    count = np.bincount(owner, minlength=len(proposals))
+    rank = np.empty(len(owner), dtype=np.int64)
+    rank[order] = np.arange(len(owner)) - (np.cumsum(count) - count)[owner[order]]
+    every = -(-count // EACH)
+    return np.flatnonzero(rank % np.maximum(every, 1)[owner] == 0)
+
+
+def spots_of(proposals: Proposals, rig: CameraRig, descriptors: NDArray[np.int8]) -> Spots:
+    """The spots of proposals; descriptors: (n, d) of those ``described``."""
+    place = described(proposals)
+    row, column = np.divmod(proposals.cell[place], columns_of(rig) // CELL_PX)
+    return Spots(
+        proposals.owner[place], cell_bearings_rad(rig)[column], cell_slopes()[row], descriptors
+    )
+
+
+def descriptors_of(proposals: Proposals, local: NDArray[np.float32]) -> NDArray[np.int8]:
+    """Descriptors of the spots, by what the network says of all cells: (d, rows, columns)."""
+    cells = proposals.cell[described(proposals)]
+    found = local.reshape(len(local), -1)[:, cells].T
+    length = np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
+    return np.asarray(np.round(found / length * ONE), dtype=np.int8)
+
+
+def matched(a: Spots, b: Spots) -> Matched:
+    """Spots that are each other's most alike."""
+    own_a, own_b = (np.arange(0, len(s), max(1, -(-len(s) // _MOST))) for s in (a, b))
+    if min(len(own_a), len(own_b)) == 0:
+        return _NONE, _NONE
+    alike = _alike(a.take(own_a), b.take(own_b))
+    best_b, best_a = alike.argmax(axis=1), alike.argmax(axis=0)
+    mutual = np.flatnonzero(best_a[best_b] == np.arange(len(own_a)))
+    return own_a[mutual], own_b[best_b[mutual]]
+
+
+def matched_within(
+    a: Spots, b: Spots, pairs: NDArray[np.int64], geometry: PlanarGeometry
+) -> list[tuple[NDArray[np.int64], NDArray[np.int64], Array]]:
+    """Of each pair of proposals, (n, 2), the spots that match where the relative pose lets them.
+
+    And how alike they are: the cosine.
+    """
+    own_a = np.split(np.argsort(a.owner, kind="stable"), np.cumsum(np.bincount(a.owner)))
+    own_b = np.split(np.argsort(b.owner, kind="stable"), np.cumsum(np.bincount(b.owner)))
+    found = []
+    for i, j in pairs:
+        ia = own_a[i] if i < len(own_a) else _NONE
+        ib = own_b[j] if j < len(own_b) else _NONE
+        if min(len(ia), len(ib)) == 0:
+            found.append((_NONE, _NONE, np.empty(0)))
+            continue
+        fa, fb = a.take(ia), b.take(ib)
+        alike = _alike(fa, fb)
+        alike[
+            ~geometry.allows(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, _TOLERANCE_RAD)
+        ] = -1.0
+        best_b, best_a = alike.argmax(axis=1), alike.argmax(axis=0)
+        k = np.arange(len(ia))
+        good = (best_a[best_b] == k) & (alike[k, best_b] > _LEAST_ALIKE)
+        found.append((ia[good], ib[best_b[good]], alike[k, best_b][good].astype(float)))
+    return found
+
+
+def _alike(a: Spots, b: Spots) -> NDArray[np.float32]:
+    """Cosines (n, m)."""
+    wide_a, wide_b = (s.descriptors.astype(np.float32) / np.float32(ONE) for s in (a, b))
+    return np.asarray(wide_a @ wide_b.T, dtype=np.float32)

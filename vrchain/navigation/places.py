@@ -1,0 +1,75 @@
+"""Where a landmark is believed to be, in the frame of a robot's own odometry, and how surely.
+
+Sights of it, each a bearing and a rough range, are weighed by their covariances (a Kalman filter
+without motion); odometry's drift makes a belief less sure with the way driven.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose, wrap_angle_rad
+
+Array = NDArray[np.float64]
+
+_BEARING_STD_RAD = 0.04  # of a sight, the robot's own heading and the thing's extent included
+_RANGE_STD = 0.25  # of the range that the network tells, as a share
+_DRIFT = 0.03  # metres of doubt, a metre driven
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """xy_m: (2,); covariance: (2, 2), square metres."""
+
+    xy_m: Array
+    covariance: Array
+
+    def bearing_rad(self, here: Pose) -> float:
+        """Where it lies from the robot's heading."""
+        return here.bearing_to_rad(self.xy_m)
+
+    def range_m(self, here: Pose) -> float:
+        """How far away it is."""
+        return here.distance_to_m(self.xy_m)
+
+    @property
+    def std_m(self) -> float:
+        """How far off it may be, in the direction in which least is known."""
+        return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
+
+    def after(self, way_m: float) -> "Place":
+        """What is left of the belief after driving so far."""
+        return self.unsure(_DRIFT * way_m)
+
+    def unsure(self, std_m: float) -> "Place":
+        """The belief, so much less sure in every direction."""
+        return Place(self.xy_m, self.covariance + std_m**2 * np.eye(2))
+
+    def with_sight(self, sight: "Place") -> "Place":
+        """Both beliefs taken together."""
+        gain = self.covariance @ np.linalg.inv(self.covariance + sight.covariance)
+        xy_m = self.xy_m + gain @ (sight.xy_m - self.xy_m)
+        return Place(xy_m, (np.eye(2) - gain) @ self.covariance)
+
+    def astray(self, sight: "Place") -> float:
+        """By how many standard deviations a sight lies elsewhere."""
+        off = sight.xy_m - self.xy_m
+        return float(np.sqrt(off @ np.linalg.solve(self.covariance + sight.covariance, off)))
+
+
+def sighted(here: Pose, bearing_rad: float, range_m: float, range_std: float = 0.0) -> Place:
+    """Where a thing is by one sight of it. range_std: as a share of the range."""
+    course = here.yaw_rad + bearing_rad
+    along = np.array([np.cos(course), np.sin(course)])
+    across = np.array([-along[1], along[0]])
+    stds = max(_RANGE_STD, range_std) * range_m + 0.3, _BEARING_STD_RAD * range_m + 0.2
+    covariance = stds[0] ** 2 * np.outer(along, along) + stds[1] ** 2 * np.outer(across, across)
+    return Place(here.xy_m + range_m * along, covariance)
+
+
+def beyond(here: Pose, direction_rad: float, baseline_m: float, turn_rad: float) -> Pose:
+    """Another robot's place and heading, so far away in a direction, in the odometry's frame."""
+    course = here.yaw_rad + direction_rad
+    x_m, y_m = here.xy_m + baseline_m * np.array([np.cos(course), np.sin(course)])
+    return Pose(float(x_m), float(y_m), float(wrap_angle_rad(here.yaw_rad + turn_rad)))
