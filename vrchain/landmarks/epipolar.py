@@ -117,8 +117,13 @@ def estimate(
     heard = generator(0, "heard", n).permutation(n)[:_HEARD]
     # narrow numbers are exact enough to choose by
     alpha, t_a, beta, t_b = (x[heard].astype(np.float32) for x in matches)
-    rough = theta.astype(np.float32), psi.astype(np.float32)
-    counts = _inliers(*rough, alpha, t_a, beta, t_b, tolerance_rad).sum(axis=1)
+    half = len(theta) // 2  # the other half are the opposites
+    (sin_a, cos_a), (sin_b, cos_b) = (
+        _turned(bearing, angle[:half].astype(np.float32))
+        for bearing, angle in ((alpha, theta), (beta, psi))
+    )
+    ways = _either_way(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
+    counts = np.concatenate([way.sum(axis=1) for way in ways])
     likely = np.argsort(-counts, kind="stable")[:_LIKELY]
     counts = _inliers(theta[likely], psi[likely], *matches, tolerance_rad).sum(axis=1)
     best = int(likely[counts.argmax()])
@@ -150,7 +155,7 @@ def _baseline_heights(da: Array, t_a: Array, db: Array) -> float:
 
 
 def _from_two(a: Array, b: Array) -> tuple[Array, Array]:
-    """All (theta, psi) that satisfy two matches each; a, b: (k, 2 matches, 2)."""
+    """All (theta, psi) that satisfy two matches each, then their opposites; a, b: (k, 2, 2)."""
     determinant = np.linalg.det(b)
     usable = np.abs(determinant) > 1e-9
     m = np.linalg.solve(b[usable], a[usable])  # v = m u, and both are unit vectors
@@ -192,12 +197,22 @@ def _one_point(
     sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
 ) -> NDArray[np.bool_]:
     """Whether directions from A and from B, counted from the baseline, may show one point."""
+    ahead, _ = _either_way(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance)
+    return ahead
+
+
+def _either_way(
+    sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
+    """The same for B where the baseline points, and for B in the opposite direction."""
     residual = t_b * sin_a - t_a * sin_b
     square = sin_a**2 + sin_b**2 + (t_b * cos_a) ** 2 + (t_a * cos_b) ** 2
+    close = residual**2 < tolerance**2 * square
     parallax = cos_a * sin_b - sin_a * cos_b
-    before = (sin_b * parallax > 0) & (sin_a * parallax > 0)
     along = (np.abs(parallax) < _PARALLEL_RAD) & (cos_a * cos_b + sin_a * sin_b > 0)
-    return np.asarray((residual**2 < tolerance**2 * square) & (before | along))
+    side_a, side_b = sin_a * parallax, sin_b * parallax
+    ahead, behind = (side_a > 0) & (side_b > 0), (side_a < 0) & (side_b < 0)
+    return close & (ahead | along), close & (behind | along)
 
 
 def _polish(

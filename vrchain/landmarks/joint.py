@@ -95,9 +95,12 @@ def compare_joint(
         return Comparison((), None)
     worth = calibration.claims[config.name]
     score = worth.probability(found.features)
-    kept = distinct(a, b, found.pairs, score, config)
-    claims = [claim(a, b, found, k, float(score[k]), config) for k in kept]
-    return Comparison(tuple(c for c in claims if c.score >= config.min_score), found.geometry)
+    made = [
+        claim(a, b, found, k, float(score[k]), config)
+        for k in distinct(a, b, found.pairs, score, config)
+        if score[k] >= config.min_score
+    ]
+    return Comparison(tuple(made), found.geometry)
 
 
 @dataclass(frozen=True, eq=False)
