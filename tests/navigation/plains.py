@@ -115,8 +115,7 @@ class Plain:
             alone = Thing(name, thing.xy_m, thing.radius_m, thing.height_m, thing.n)
             seen = alone.features(pose)
             made.append(template_around(seen, 0.0, 0.2, (LOWEST_SLOPE, np.inf)))
-        surfaces_m = (8.0 - thing.radius_m,) * len(made)
-        return GoalPictures(embedding(name)[None], Goal(tuple(made)), CALIBRATION, surfaces_m)
+        return GoalPictures(embedding(name)[None], Goal(tuple(made)), CALIBRATION)
 
 
 def embedding(looks: str) -> NDArray[np.float32]:

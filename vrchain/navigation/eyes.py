@@ -11,10 +11,10 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.common import compare as compare_by_sift
-from vrchain.landmarks.gallery import record_from, sought, subject
+from vrchain.landmarks.gallery import record_from, sought
 from vrchain.landmarks.joint import JointConfig, compare_joint
 from vrchain.landmarks.proposer import Proposals
-from vrchain.landmarks.recognition import GOAL_MATCHES, Goal, goal_of, locate
+from vrchain.landmarks.recognition import GOAL_MATCHES, Goal, Sighting, goal_of, locate
 from vrchain.landmarks.record import LandmarkRecord, examine
 from vrchain.landmarks.sift import Features, extract
 from vrchain.landmarks.weights import SHIPPED
@@ -28,7 +28,6 @@ _SURE_MATCHES = 20  # ... and by which it is surely the goal
 _FEW = 3.0  # claims, all of them sure: so many are sometimes found by chance
 _FEW_MATCHES = 8.0  # keypoints that obey one pose, likewise
 _NONE = np.empty(0, dtype=np.int64)
-_PICTURED_M = 10.0  # from where goals are pictured, if nothing tells
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 _AMONG = 6  # proposals that look most like the goal
 
@@ -155,15 +154,13 @@ class GoalSight:
 class GoalPictures:
     """A goal as a robot knows it: what its pictures show in their middle, and all their keypoints.
 
-    embedding: (n, d) of those pictures in whose middle something is proposed. surfaces_m: how far
-    from it each picture was taken, NaN if nothing tells. by_looks: whether looks alone are enough
-    to tell it surely.
+    embedding: (n, d) of those pictures in whose middle something is proposed. by_looks: whether
+    looks alone are enough to tell it surely.
     """
 
     embedding: NDArray[np.float32]
     keypoints: Goal
     calibration: Calibration
-    surfaces_m: tuple[float, ...] = ()
     by_looks: bool = False
 
     def find(
@@ -188,7 +185,7 @@ class GoalPictures:
                     self._chance(matches, float(looks[i])),
                 )
             )  # fmt: skip
-        if near_rad is None and not self.by_looks:
+        if near_rad is None:
             found += self._by_keypoints(look)
         return max(found, key=lambda s: (s.chance, s.looks), default=None)
 
@@ -208,21 +205,34 @@ class GoalPictures:
         )
         return max((s.n_matches for s in seen if s is not None), default=0)
 
+    def sizes(self, look: Look) -> dict[int, Sighting]:
+        """The goal by keypoints, picture by picture; a sighting's scale is its size there."""
+        if self.by_looks:
+            return {}
+        found = {
+            k: locate(template, look.features, min_matches=GOAL_MATCHES)
+            for k, template in enumerate(self.keypoints.templates)
+        }
+        return {k: seen for k, seen in found.items() if seen is not None}
+
     def _by_keypoints(self, look: Look) -> list[GoalSight]:
         """The goal where no proposal looks like it, but many keypoints say so.
 
-        How far it is, its size against that in the picture tells.
+        Its range is that of the nearest proposal of about its width: a rough one.
         """
-        found = []
-        for template, pictured_m in zip(self.keypoints.templates, self.surfaces_m, strict=True):
-            seen = locate(template, look.features, min_matches=GOAL_MATCHES)
-            if seen is not None:
-                near_m = (pictured_m if np.isfinite(pictured_m) else _PICTURED_M) / seen.scale
-                found.append(
-                    GoalSight(seen.bearing_rad, near_m, near_m, seen.half_width_rad,
-                              seen.n_matches, 0.0, self._chance(seen.n_matches, 0.0))
-                )  # fmt: skip
-        return [max(found, key=lambda s: s.n_matches)] if found else []
+        seen = max(self.sizes(look).values(), key=lambda s: s.n_matches, default=None)
+        if seen is None:
+            return []
+        p = look.proposals
+        off = np.abs(wrap_angle_rad((p.box[:, 0] + p.box[:, 1]) / 2 - seen.bearing_rad))
+        off += 0.3 * np.abs((p.box[:, 1] - p.box[:, 0]) / 2 - seen.half_width_rad)
+        k = int(off.argmin()) if len(off) else -1
+        range_m, near_m = (float(p.range_m[k]), surface_m(look, k)) if k >= 0 else (12.0, 10.0)
+        return [
+            GoalSight(seen.bearing_rad, range_m, near_m, seen.half_width_rad, seen.n_matches,
+                      float(self.looks(look)[k]) if k >= 0 else 0.0,
+                      self._chance(seen.n_matches, 0.0))
+        ]  # fmt: skip
 
     def _chance(self, matches: int, looks: float) -> float:
         """That a sight is of the goal: a few keypoints say little, many are proof."""
@@ -236,12 +246,5 @@ class GoalPictures:
 
 def goal_from(pictures: Sequence[Panorama], weights: Path = SHIPPED) -> GoalPictures:
     """A goal by single views that are framed on it."""
-    records = [examine(p, weights) for p in pictures]
-    surfaces_m = []
-    for record in records:
-        index = subject(record)
-        seen = Look(record.rig, record.proposals, record.features)
-        surfaces_m.append(surface_m(seen, index) if index is not None else np.nan)
-    return GoalPictures(
-        sought(records).embedding, goal_of(pictures), load_calibration(weights), tuple(surfaces_m)
-    )
+    shown = sought([examine(p, weights) for p in pictures])
+    return GoalPictures(shown.embedding, goal_of(pictures), load_calibration(weights))

@@ -16,6 +16,7 @@ from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.common import Comparison, Region
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.recognition import Sighting
 from vrchain.navigation.eyes import Eyes, GoalPictures, GoalSight, Look
 from vrchain.navigation.places import Place, beyond, sighted
 from vrchain.navigation.route import LandmarkKey, Route, plan
@@ -36,6 +37,8 @@ _EXPLORE_WITHIN_M = 60.0
 _TURN_M = 4.0  # of way, that a radian of turn counts for
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
+_LEAST_WAY_M = 4.0  # of way, after which the growth of a thing tells how far it is
+_LOOKS_FAR_M = 7.5  # to the middle of what is seen of a goal, whose side is near
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
 _CIRCLE = 6  # places around a goal from which it is looked at, to make sure
 _CIRCLE_M = 5.0  # from its side
@@ -146,6 +149,7 @@ class _Mission:
         self.plans: list[tuple[int, Route]] = []
         self.failed: set[LandmarkKey] = set()
         self.doubted: set[str] = set()  # robots whose sighting of the goal was a mistake
+        self.sizes: list[tuple[np.ndarray, dict[int, Sighting]]] = []  # of the goal, and from where
         self.mistaken: list[np.ndarray] = []  # where what looked like the goal was something else
         self.looked: list[np.ndarray] = []  # where it has looked around
         self.unreachable: list[np.ndarray] = []
@@ -203,6 +207,7 @@ class _Mission:
         sight = self.goal.find(look)
         if sight is None or sight.chance < 0.5:
             return None
+        self.sizes.append((self.here.xy_m, self.goal.sizes(look)))
         xy_m = self.place_of(sight).xy_m
         if any(np.hypot(*(xy_m - m)) < _DOUBTED_M for m in self.mistaken):
             return None
@@ -406,11 +411,26 @@ class _Mission:
             self.log("doubt", "it never looked enough like the goal's pictures")
             self.mistaken.append(place.xy_m)
             return False
-        if not self.is_at(self.felt(place)):
+        if not self.is_at(self.felt(place)) or self.looks_far():
             self.log("blocked", "no way leads to the goal from here")
             self.mistaken.append(place.xy_m)
             return False
         return True
+
+    def looks_far(self) -> bool:
+        """Whether the goal has not grown enough to be here: something before it stands here.
+
+        What looks g times larger after a way D towards it is D / (g - 1) away.
+        """
+        now = self.goal.sizes(self.look_around())
+        ranges_m = [
+            self.here.distance_to_m(then) / max(now[k].scale / seen.scale - 1.0, 1e-3)
+            for then, sizes in self.sizes
+            if self.here.distance_to_m(then) > _LEAST_WAY_M
+            for k, seen in sizes.items()
+            if k in now
+        ]
+        return bool(ranges_m) and float(np.median(ranges_m)) > _LOOKS_FAR_M
 
     def is_sure(self, sight: GoalSight) -> bool:
         return sight.chance >= 1.0 or sight.n_matches >= self.config.sure_matches
@@ -467,6 +487,7 @@ class _Mission:
         sight = self.goal.find(look, bearing, window_rad)
         if sight is None or sight.chance <= 0:
             return place, False
+        self.sizes.append((self.here.xy_m, self.goal.sizes(look)))
         seen = self.place_of(sight)
         if place.astray(seen) > 4.0:
             return place, False
