@@ -84,7 +84,7 @@ def landmarks(
             f"{side} view {r.view} box {tuple(round(v) for v in r.box_px)}"
             for side, r in (("A", claim.a), ("B", claim.b))
         )
-        print(f"{number}: score {claim.score:.2f}, {len(claim.support_a)} matches, {regions}")
+        print(f"{number}: score {claim.score:.2f}, {claim.matches} matches, {regions}")
 
 
 def navigate(

@@ -57,6 +57,7 @@ class CommonLandmark:
     where the geometry does not tell (photographs; panoramas taken at one place).
     mask_a, mask_b: (n, 2) directions, bearing_rad and slope, of its matched spots, or else all that
     its regions cover, where they are known; the support of a claim that no keypoints support.
+    spots: how many of them match.
     """
 
     score: float
@@ -67,6 +68,12 @@ class CommonLandmark:
     ranges: tuple[float, float] | None = None
     mask_a: NDArray[np.float64] | None = None
     mask_b: NDArray[np.float64] | None = None
+    spots: int = 0
+
+    @property
+    def matches(self) -> int:
+        """Matched keypoints and spots that speak for it."""
+        return len(self.support_a) + self.spots
 
 
 @dataclass(frozen=True, eq=False)

@@ -338,6 +338,7 @@ def claim(
         found.geometry.ranges(*bearings) if found.geometry else None,
         mask_a,
         mask_b,
+        len(spots_a),
     )
 
 

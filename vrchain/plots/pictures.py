@@ -178,7 +178,7 @@ def claims_table(claims: Sequence[CommonLandmark]) -> pd.DataFrame:
         row: dict[str, object] = {
             "number": number,
             "score": claim.score,
-            "matches": len(claim.support_a),
+            "matches": claim.matches,
         }
         for side, region in (("a", claim.a), ("b", claim.b)):
             row[f"{side}_view"] = region.view
