@@ -18,13 +18,14 @@ from functools import cache
 import numpy as np
 import shapely
 from numpy.typing import NDArray
-from scipy.sparse import coo_array, csr_array, hstack, vstack
+from scipy.sparse import csr_array, hstack, vstack
 from scipy.sparse.csgraph import dijkstra
 
 from vrchain.errors import MissionError
 from vrchain.experiments.team import GOAL_PICTURES, goal_ids, goal_poses, robot_names
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import Sights, shared
+from vrchain.navigation.ways import grid_graph
 from vrchain.panorama import CameraRig
 from vrchain.scene.model import Scene
 from vrchain.seeding import generator
@@ -51,16 +52,7 @@ class FreeSpace:
         free = scene.is_free(points.reshape(-1, 2), _CLEARANCE_M).reshape(len(y), len(x))
         number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
         self.points_m: Array = points[free]
-        ends = []
-        for dy, dx in ((0, 1), (1, 0), (1, 1), (1, -1)):
-            a = number[: len(y) - dy, max(0, -dx) : len(x) - max(0, dx)]
-            b = number[dy:, max(0, dx) : len(x) + min(0, dx)]
-            both = (a >= 0) & (b >= 0)
-            ends.append(np.stack([a[both], b[both]]))
-        u, v = np.concatenate(ends, axis=1)
-        length = np.linalg.norm(self.points_m[u] - self.points_m[v], axis=1)
-        n = len(self.points_m)
-        self._graph = csr_array(coo_array((length, (u, v)), shape=(n, n)))
+        self._graph = grid_graph(number, np.ones(number.shape), _SPACING_M)
 
     def from_m(self, xy_m: Array) -> Array:
         """How far every point is from the one nearest to ``xy_m``: (n,), inf: not reachable."""

@@ -52,7 +52,8 @@ class Oracle:
     def compare(self, a: Look, b: Look) -> Comparison:
         """The landmarks that are truly co-visible, and the true relative pose."""
         pose_a, pose_b = self._taken[id(a)][1], self._taken[id(b)][1]
-        names = [self.truth.scene.objects[i].name for i in self._shared(pose_a, pose_b)]
+        both = shared(self.truth, self._sights_from(pose_a), self._sights_from(pose_b))
+        names = [self.truth.scene.objects[i].name for i in both]
         claims = []
         for name in names:
             regions = []
@@ -72,16 +73,13 @@ class Oracle:
         )
         return Comparison(tuple(claims), geometry)
 
-    def _shared(self, a: Pose, b: Pose) -> list[int]:
-        for pose in (a, b):
-            if pose not in self._sights:
-                self._sights[pose] = Sights(self.truth, pose, self.rig)
-        return shared(self.truth, self._sights[a], self._sights[b])
-
-    def _look(self, pose: Pose) -> Look:
+    def _sights_from(self, pose: Pose) -> Sights:
         if pose not in self._sights:
             self._sights[pose] = Sights(self.truth, pose, self.rig)
-        sights = self._sights[pose]
+        return self._sights[pose]
+
+    def _look(self, pose: Pose) -> Look:
+        sights = self._sights_from(pose)
         ids, points = sights.surface
         objects = self.truth.scene.objects
         chosen = sorted(i for i in sights.visible if objects[i].landmark)

@@ -17,7 +17,14 @@ from vrchain.errors import ImageError
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.joint import JointConfig, compare_joint
-from vrchain.landmarks.recognition import LOWEST_SLOPE, Sighting, locate, template_around
+from vrchain.landmarks.recognition import (
+    LOWEST_SLOPE,
+    RATIO,
+    Sighting,
+    Template,
+    locate,
+    template_around,
+)
 from vrchain.landmarks.record import LandmarkRecord, decode_record, examine, maker_of
 from vrchain.landmarks.sift import Features
 from vrchain.landmarks.spots import ONE
@@ -27,7 +34,6 @@ from vrchain.panorama import Panorama
 Array = NDArray[np.float64]
 Key = TypeVar("Key")
 
-_RATIO = 0.85  # nearest over second nearest descriptor distance
 # Log-odds that a panorama shows it: 1, looks, logs of keypoints and of spots that agree. Fitted to
 # 16 goals and 160 panoramas of seed 1000, the most alike ones of each goal; half a unit stricter.
 _BELIEF = np.array([-14.7, 2.7, 1.3, 1.55])
@@ -165,6 +171,13 @@ def who_sees(
     cosine = (gallery.embedding @ what.embedding.T).astype(float)
     looks = calibration.alike_scale * (cosine - calibration.alike_even)
     best = looks.max(axis=1)
+    templates = [
+        [
+            template_around(of(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf))
+            for p in what.pictures
+        ]
+        for of, _ in _WAYS
+    ]
     found = []
     taken = np.zeros(len(gallery.records), dtype=bool)
     begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records)))
@@ -174,7 +187,7 @@ def who_sees(
             continue
         taken[k] = True
         proposal = int(n - begins[k])
-        sightings = _sighted(what, gallery.records[k], proposal)
+        sightings = _sighted(templates, gallery.records[k], proposal)
         found.append(Seen(gallery.keys[k], float(best[n]), proposal, *sightings))
         if len(found) == _SHORT:
             break
@@ -182,22 +195,24 @@ def who_sees(
 
 
 def _sighted(
-    what: Sought, record: LandmarkRecord, proposal: int
+    templates: Sequence[Sequence[Template]], record: LandmarkRecord, proposal: int
 ) -> tuple[Sighting | None, Sighting | None]:
-    """Where keypoints, and spots, of pictures are found around a proposal, by the best picture."""
+    """Where keypoints, and spots, of pictures are found around a proposal, by the best picture.
+
+    templates: of each of ``_WAYS``, the pictures'.
+    """
     right, left = record.proposals.box[proposal, :2]
     middle_rad, window_rad = float(right + left) / 2, float(left - right) + 0.1
     best = []
-    for features_of, ratio in ((lambda r: r.features, _RATIO), (_spots, 1.0)):
-        found = []
-        for picture in what.pictures:
-            template = template_around(
-                features_of(picture), 0.0, picture.rig.span_rad / 2, (LOWEST_SLOPE, np.inf)
-            )
-            current = features_of(record)
-            found.append(locate(template, current, middle_rad, window_rad, ratio=ratio))
+    for (features_of, ratio), own in zip(_WAYS, templates, strict=True):
+        current = features_of(record)
+        found = [locate(t, current, middle_rad, window_rad, ratio=ratio) for t in own]
         best.append(max((s for s in found if s), key=lambda s: s.n_matches, default=None))
     return best[0], best[1]
+
+
+def _keypoints(record: LandmarkRecord) -> Features:
+    return record.features
 
 
 def _spots(record: LandmarkRecord) -> Features:
@@ -205,3 +220,6 @@ def _spots(record: LandmarkRecord) -> Features:
     s = record.spots
     descriptors = s.descriptors.astype(np.float32) + np.float32(ONE)  # as unsigned: same distances
     return Features(s.bearing_rad, s.slope, np.zeros(len(s)), descriptors.astype(np.uint8))
+
+
+_WAYS = ((_keypoints, RATIO), (_spots, 1.0))  # what is matched, and the ratio test

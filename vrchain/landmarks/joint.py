@@ -52,7 +52,6 @@ class JointConfig:
     ratio: float = 0.85  # nearest over second nearest descriptor distance, within a pair
     anywhere: int = 700  # largest keypoints that are matched all over, for the relative pose
     ratio_anywhere: float = 0.8
-    joined: float = -2.0  # log-odds from which a pair's keypoints are matched
     min_inliers: int = 8
     sure_inliers: int = 60  # matches that agree on a relative pose, from which it is beyond doubt
     agree_rad: float = 0.2  # what fewer agree on must be this near to what proposals say

@@ -4,7 +4,7 @@ The network answers for every cell. Cells whose answers agree on one box are one
 placed where they say, on the average, that the middle of their landmark is.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from vrchain.landmarks.network import Network
 
 Array = NDArray[np.float64]
+Overlaps = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.floating]]
 
 BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0  # the network's units of a landmark's middle
 _LEAST_SCORE = 0.2
@@ -128,9 +129,9 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     if len(chosen) == 0:
         return nothing()
     looks = np.zeros((len(chosen), len(answers["embedding"])))
-    alike, owner = np.zeros(len(boxes)), np.zeros(len(boxes), dtype=np.int64)
-    for part, near, overlap in _in_parts(boxes, chosen, period):
-        alike[part], owner[part] = overlap.max(axis=1), near[overlap.argmax(axis=1)]
+    parts = list(_in_parts(boxes, chosen, period))
+    alike, owner = _most_like(parts, len(boxes))
+    for part, near, overlap in parts:
         # a landmark's other pieces say what it looks like too, so all that overlap are heard
         weight = overlap**2 * landmark[row[part], column[part]][:, None]
         looks[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
@@ -238,9 +239,7 @@ def _agreed_boxes(
     n = len(drafts)
     if n == 0:
         return drafts
-    alike, owner = np.zeros(len(boxes)), np.zeros(len(boxes), dtype=np.int64)
-    for part, near, overlap in _in_parts(boxes, drafts, period):
-        alike[part], owner[part] = overlap.max(axis=1), near[overlap.argmax(axis=1)]
+    alike, owner = _most_like(_in_parts(boxes, drafts, period), len(boxes))
     own = alike >= _DRAFT_BOX
     owner, weight, own_boxes = owner[own], sure[own], boxes[own]
     total = np.maximum(np.bincount(owner, weight, n), 1e-9)
@@ -255,9 +254,17 @@ def _agreed_boxes(
     return found[_one_of_each(found, most_first[total[most_first] > 1e-9], period)]
 
 
+def _most_like(parts: Iterable[Overlaps], n: int) -> tuple[Array, NDArray[np.int64]]:
+    """How much each of n boxes overlaps with the chosen one most like it, and which: (n,) each."""
+    alike, which = np.zeros(n), np.zeros(n, dtype=np.int64)
+    for part, near, overlap in parts:
+        alike[part], which[part] = overlap.max(axis=1), near[overlap.argmax(axis=1)]
+    return alike, which
+
+
 def _in_parts(
     boxes: NDArray[np.float32], chosen: NDArray[np.float32], period: int | None
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.floating]]]:
+) -> Iterator[Overlaps]:
     """Overlaps of a few hundred neighbouring boxes at a time with the chosen ones near them.
 
     Yields which boxes, which chosen ones, one or more, and (boxes, chosen) overlaps.

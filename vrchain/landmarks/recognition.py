@@ -13,7 +13,7 @@ from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
 
-_RATIO = 0.85
+RATIO = 0.85  # nearest over second nearest descriptor distance
 _SAMPLES = 400
 _TOLERANCE_RAD = 0.02  # the model below is flat, landmarks are not
 # Of 97 panoramas without the goal (suburbs of seeds 1000, 1001) one had 12 matches, none more;
@@ -66,7 +66,7 @@ def locate(
     near_rad: float | None = None,
     window_rad: float = np.pi,
     min_matches: int = 5,
-    ratio: float = _RATIO,
+    ratio: float = RATIO,
 ) -> Sighting | None:
     """Find a template in the current features; None if fewer than ``min_matches`` agree.
 

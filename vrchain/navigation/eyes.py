@@ -1,6 +1,6 @@
 """What a robot makes of what it sees: landmark records, their comparison, and the goal in them."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -164,9 +164,16 @@ class GoalPictures:
     by_looks: bool = False
 
     def find(
-        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        sizes: Mapping[int, Sighting] | None = None,
     ) -> GoalSight | None:
-        """The best sight of the goal, within a window around a bearing if one is given."""
+        """The best sight of the goal, within a window around a bearing if one is given.
+
+        sizes: those of the look, where they are known already.
+        """
         p = look.proposals
         middle = (p.box[:, 0] + p.box[:, 1]) / 2
         half = (p.box[:, 1] - p.box[:, 0]) / 2
@@ -186,7 +193,7 @@ class GoalPictures:
                 )
             )  # fmt: skip
         if near_rad is None:
-            found += self._by_keypoints(look)
+            found += self._by_keypoints(look, self.sizes(look) if sizes is None else sizes)
         return max(found, key=lambda s: (s.chance, s.looks), default=None)
 
     def looks(self, look: Look) -> Array:
@@ -215,12 +222,12 @@ class GoalPictures:
         }
         return {k: seen for k, seen in found.items() if seen is not None}
 
-    def _by_keypoints(self, look: Look) -> list[GoalSight]:
+    def _by_keypoints(self, look: Look, sizes: Mapping[int, Sighting]) -> list[GoalSight]:
         """The goal where no proposal looks like it, but many keypoints say so.
 
         Its range is that of the nearest proposal of about its width: a rough one.
         """
-        seen = max(self.sizes(look).values(), key=lambda s: s.n_matches, default=None)
+        seen = max(sizes.values(), key=lambda s: s.n_matches, default=None)
         if seen is None:
             return []
         p = look.proposals

@@ -204,10 +204,11 @@ class _Mission:
 
     def goal_in(self, look: Look) -> GoalSight | None:
         """The goal in a look around, if it is surely there and was not a mistake before."""
-        sight = self.goal.find(look)
+        sizes = self.goal.sizes(look)
+        sight = self.goal.find(look, sizes=sizes)
         if sight is None or sight.chance < 0.5:
             return None
-        self.sizes.append((self.here.xy_m, self.goal.sizes(look)))
+        self.sizes.append((self.here.xy_m, sizes))
         xy_m = self.place_of(sight).xy_m
         if any(np.hypot(*(xy_m - m)) < _DOUBTED_M for m in self.mistaken):
             return None
