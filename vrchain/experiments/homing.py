@@ -32,6 +32,7 @@ from scipy.spatial import cKDTree
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import ratio, resampled
 from vrchain.experiments.scenes import Scenes
 from vrchain.files import write_file
 from vrchain.geometry import Pose, wrap_angle_rad
@@ -53,7 +54,6 @@ STEP_M = 0.1
 RETURNED_M = 0.3
 MOST_WAY = 3.0  # distances from the start
 CATCHMENT_SHARE = 0.95
-_RESAMPLED = 1000
 
 
 @dataclass(frozen=True)
@@ -294,21 +294,14 @@ def _summary(made: pd.DataFrame, seed: int) -> dict[str, object]:
         ),
         "no_answer": by_suburb(~made.set_index("suburb").answered),
     }
-    again = generator(seed, "bootstrap", "homing").integers(
-        len(suburbs), size=(_RESAMPLED, len(suburbs))
-    )
+    again = resampled(len(suburbs), seed, "homing")
     found: dict[str, object] = {
         "n_places": len(made[["suburb", "place"]].drop_duplicates()),
         "n_starts": len(made),
         "n_clear": len(clear),
     }
-    for name, (top, bottom) in parts.items():
-        found[name] = float(top.sum() / bottom.sum()) if bottom.sum() else None
-        under = bottom[again].sum(axis=1)
-        values = top[again].sum(axis=1)[under > 0] / under[under > 0]
-        found[f"{name}_ci"] = (
-            [float(q) for q in np.quantile(values, [0.025, 0.975])] if len(values) else None
-        )
+    for name, sums in parts.items():
+        found |= ratio(name, *sums, again)
     found["angular_error_deg_median"] = float(made.error_deg.median())
     return found
 

@@ -4,11 +4,10 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
+from vrchain.experiments.intervals import by_suburb, ratio, resampled
 from vrchain.landmarks.calibration import expected_calibration_error
-from vrchain.seeding import generator
 
 PRECISIONS = (0.90, 0.95, 0.98)
-_RESAMPLED = 1000
 
 
 def summarise(
@@ -36,33 +35,27 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, 
     accused = claimed.reindex(pd.MultiIndex.from_frame(empty[key])).notna().to_numpy()
     suburbs = np.sort(pairs.suburb.unique())
 
-    def by_suburb(values: pd.Series, of: pd.Series) -> NDArray[np.float64]:
-        return np.asarray(values.groupby(of).sum().reindex(suburbs).fillna(0), dtype=float)
+    def summed(values: pd.Series, of: pd.Series) -> NDArray[np.float64]:
+        return by_suburb(values, of, suburbs)
 
     one = pd.Series(1.0, index=made.index)
     ratios = {
-        "pair_success": (by_suburb(pd.Series(success, index=fair.index), fair.suburb),
-                         by_suburb(pd.Series(1.0, index=fair.index), fair.suburb)),
-        "precision": (by_suburb(made.right.astype(float), made.suburb),
-                      by_suburb(one, made.suburb)),
-        "recall": (by_suburb(made.shared.astype(float), made.suburb),
-                   by_suburb(pairs.co_visible.astype(float), pairs.suburb)),
-        "false_claim_rate": (by_suburb(pd.Series(accused, index=empty.index), empty.suburb),
-                             by_suburb(pd.Series(1.0, index=empty.index), empty.suburb)),
+        "pair_success": (summed(pd.Series(success, index=fair.index), fair.suburb),
+                         summed(pd.Series(1.0, index=fair.index), fair.suburb)),
+        "precision": (summed(made.right.astype(float), made.suburb),
+                      summed(one, made.suburb)),
+        "recall": (summed(made.shared.astype(float), made.suburb),
+                   summed(pairs.co_visible.astype(float), pairs.suburb)),
+        "false_claim_rate": (summed(pd.Series(accused, index=empty.index), empty.suburb),
+                             summed(pd.Series(1.0, index=empty.index), empty.suburb)),
     }  # fmt: skip
-    draws = generator(seed, "bootstrap", "landmarks")
-    again = draws.integers(len(suburbs), size=(_RESAMPLED, len(suburbs)))
+    again = resampled(len(suburbs), seed, "landmarks")
     found: dict[str, object] = {
         "n_pairs": len(pairs),
         "pairs_without_common": len(empty),
     }
-    for name, (top, bottom) in ratios.items():
-        found[name] = float(top.sum() / bottom.sum()) if bottom.sum() else None
-        under = bottom[again].sum(axis=1)
-        shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
-        found[f"{name}_ci"] = (
-            [float(q) for q in np.quantile(shares, [0.025, 0.975])] if len(shares) else None
-        )
+    for name, sums in ratios.items():
+        found |= ratio(name, *sums, again)
     found["recall_at_precision"] = {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS}
     found["twin_claims"] = int(made.twin.astype(bool).sum())
     found["duplicates"] = int((claims.score >= score).sum() - len(made))

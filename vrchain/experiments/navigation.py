@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import by_suburb, ratio, resampled
 from vrchain.experiments.mission import index_of, is_at, newest_of
 from vrchain.experiments.missions import Ground, Mission
 from vrchain.experiments.oracle import Oracle
@@ -38,14 +39,12 @@ from vrchain.navigation.eyes import GoalPictures, goal_from, learned_eyes
 from vrchain.navigation.mission import Decision, MissionConfig, MissionResult, run_mission
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
-from vrchain.seeding import generator
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
 FORMAT = 1
 ARMS = ("ledger", "alone", "oracle")
 MISSIONS_A_SUBURB = 10
-_RESAMPLED = 1000
 
 
 class Suburb:
@@ -205,9 +204,7 @@ def summarise(
     many missions need how many landmarks, and how many draws were rejected for what.
     """
     suburbs = np.sort(table.suburb.unique())
-    again = generator(seed, "bootstrap", "navigation").integers(
-        len(suburbs), size=(_RESAMPLED, len(suburbs))
-    )
+    again = resampled(len(suburbs), seed, "navigation")
     lengths = Counter(len(m.chain.landmarks) if m.chain else 0 for m in missions)
     rejected: Counter[str] = Counter()
     for mission in missions:
@@ -221,10 +218,10 @@ def summarise(
         }
     if {"ledger", "alone"} <= found.keys():
         ours, theirs = (
-            _by_suburb(table[table.arm == arm].success, table[table.arm == arm].suburb, suburbs)
+            by_suburb(table[table.arm == arm].success, table[table.arm == arm].suburb, suburbs)
             for arm in ("ledger", "alone")
         )
-        found["ledger"] |= _ratio("times_alone", ours, theirs, again)
+        found["ledger"] |= ratio("times_alone", ours, theirs, again)
     return found
 
 
@@ -245,10 +242,10 @@ def _summary(
         ("spl_chain", spl_chain, chained),
     ):
         one = pd.Series(1.0, index=of.index)
-        found |= _ratio(
+        found |= ratio(
             name,
-            _by_suburb(values, of.suburb, suburbs),
-            _by_suburb(one, of.suburb, suburbs),
+            by_suburb(values, of.suburb, suburbs),
+            by_suburb(one, of.suburb, suburbs),
             again,
         )
     found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
@@ -256,28 +253,6 @@ def _summary(
     for name in ("replans", "legs", "seconds_simulated", "wall_s"):
         found[name] = float(own[name].mean())
     return found
-
-
-def _by_suburb(values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]) -> NDArray[np.float64]:
-    summed = values.astype(float).groupby(of).sum()
-    return np.asarray(summed.reindex(suburbs).fillna(0), dtype=float)
-
-
-def _ratio(
-    name: str,
-    top: NDArray[np.float64],
-    bottom: NDArray[np.float64],
-    again: NDArray[np.int64],
-) -> dict[str, object]:
-    """The share and its interval, null without anything to divide by."""
-    under = bottom[again].sum(axis=1)
-    shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
-    return {
-        name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
-        f"{name}_ci": [float(q) for q in np.quantile(shares, [0.025, 0.975])]
-        if len(shares)
-        else None,
-    }
 
 
 def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
