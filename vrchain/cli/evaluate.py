@@ -12,6 +12,18 @@ from vrchain.paths import BUILD, SCENES
 app = typer.Typer(no_args_is_help=True, help="Measure how well it works, with intervals.")
 
 FIRST_SEED = 2000  # those below are for training and for choosing
+SUBURB = SCENES / "suburb.yaml"
+
+Spec = Annotated[
+    Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
+]
+AllowTrainingSeeds = Annotated[
+    bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
+]
+Output = Annotated[
+    Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
+]
+AsJson = Annotated[bool, typer.Option("--json", help="One JSON object, not text.")]
 
 
 @app.callback()
@@ -21,9 +33,7 @@ def main() -> None:
 
 @app.command()
 def landmarks(
-    spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/.")
-    ] = SCENES / "suburb.yaml",
+    spec: Spec = SUBURB,
     pairs: Annotated[int, typer.Option(help="Pairs of poses, ten in each suburb.")] = 40,
     spacing: Annotated[
         tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
@@ -32,13 +42,9 @@ def landmarks(
         list[str] | None, typer.Option(metavar="V", help="Give one for each; all if none.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
-    allow_training_seeds: Annotated[
-        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
-    ] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    output: Output = None,
+    as_json: AsJson = False,
 ) -> None:
     """Find common landmarks of random pairs of panoramas by every variant, and judge them.
 
@@ -62,18 +68,14 @@ def landmarks(
 
 @app.command()
 def strangers(
-    spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/.")
-    ] = SCENES / "suburb.yaml",
+    spec: Spec = SUBURB,
     pairs: Annotated[int, typer.Option(help="Half of one suburb, half of two; 1000.")] = 40,
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; the default.")
     ] = None,
     seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
-    allow_training_seeds: Annotated[
-        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
-    ] = False,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    as_json: AsJson = False,
 ) -> None:
     """Compare panoramas that have nothing in common: the share with any claim, by variant."""
     from vrchain.experiments import landmark_evaluation as evaluation
@@ -96,7 +98,7 @@ def photographs(
     folders: Annotated[
         list[Path] | None, typer.Argument(metavar="[FOLDER]...", help="Each of one place.")
     ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Count the pairs of photographs with a claim: of one place, and of two. Plain SIFT beside.
 
@@ -113,21 +115,15 @@ def photographs(
 
 @app.command()
 def search(
-    spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
-    ] = SCENES / "suburb.yaml",
+    spec: Spec = SUBURB,
     panoramas: Annotated[int, typer.Option(help="In each suburb.")] = 500,
     goals: Annotated[int, typer.Option(help="Looked up in each suburb.")] = 20,
     by_sift: Annotated[int, typer.Option(help="Of the goals, looked up by SIFT too.")] = 2,
     suburbs: Annotated[int, typer.Option(help="How many.")] = 1,
     seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
-    allow_training_seeds: Annotated[
-        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
-    ] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    output: Output = None,
+    as_json: AsJson = False,
 ) -> None:
     """Ask hundreds of panoramas who sees a goal, by their records and by SIFT over all of them.
 
@@ -154,9 +150,7 @@ def search(
 
 @app.command()
 def homing(
-    spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
-    ] = SCENES / "suburb.yaml",
+    spec: Spec = SUBURB,
     places: Annotated[int, typer.Option(help="To home to, two in each suburb; 20 to report.")] = 2,
     method: Annotated[
         list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
@@ -164,13 +158,9 @@ def homing(
     seed: Annotated[
         int, typer.Option(help="Of suburbs, places and headings; 2,000 or more.")
     ] = 3000,
-    allow_training_seeds: Annotated[
-        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
-    ] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    output: Output = None,
+    as_json: AsJson = False,
 ) -> None:
     """Home to places from up to 5 m around by ours and by known methods, with and without compass.
 
@@ -195,15 +185,13 @@ def homing(
 
 @app.command()
 def homing_trials(
-    spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
-    ] = SCENES / "suburb.yaml",
+    spec: Spec = SUBURB,
     places: Annotated[int, typer.Option(help="To home to, two in each suburb.")] = 4,
     trials: Annotated[int, typer.Option(help="Of each method, the first as it is.")] = 16,
     seed: Annotated[
         int, typer.Option(help="Of suburbs, places and trials; 1,000 to 1,999.")
     ] = 1000,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    as_json: AsJson = False,
 ) -> None:
     """Try parameters of every homing method, as many of each, on the seeds for choosing.
 
@@ -224,9 +212,7 @@ def homing_trials(
 
 @app.command()
 def navigation(
-    spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
-    ] = SCENES / "suburb.yaml",
+    spec: Spec = SUBURB,
     missions: Annotated[int, typer.Option(help="Ten in each suburb; 100 to report.")] = 10,
     robots: Annotated[int, typer.Option(help="How many, the driving one among them.")] = 5,
     arms: Annotated[
@@ -235,13 +221,9 @@ def navigation(
     seed: Annotated[
         int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
-    allow_training_seeds: Annotated[
-        bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
-    ] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
-    ] = None,
-    as_json: Annotated[bool, typer.Option("--json", help="One JSON object, not text.")] = False,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    output: Output = None,
+    as_json: AsJson = False,
 ) -> None:
     """Send robots to goals out of their sight: with the ledger, alone, and with true landmarks.
 
