@@ -1,15 +1,18 @@
+import shutil
 import sys
 from dataclasses import replace
+from pathlib import Path
 from types import ModuleType
 
 import pytest
 import sights
 
-from vrchain.errors import MissionError
+from vrchain.errors import LearnedError, MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import MatchConfig, compare
 from vrchain.landmarks.sift import extract
 from vrchain.landmarks.variants import at_half_resolution, halved, sift, variant_named
+from vrchain.landmarks.weights import SHIPPED
 
 HERE, THERE = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
 
@@ -50,6 +53,18 @@ def test_half_the_resolution_is_the_same_view() -> None:
     assert small.rig.span_rad == panorama.rig.span_rad
     assert small.views.shape[1] * 2 == panorama.views.shape[1]
     assert abs(float(small.views.mean()) - float(panorama.views.mean())) < 1
-    variant = at_half_resolution(sift())
-    assert variant.name == "sift, half resolution"
+    variant = variant_named("sift, half resolution")
+    assert variant.name == at_half_resolution(sift()).name == "sift, half resolution"
     assert len(variant.keypoints(variant.look(panorama))) < len(extract(panorama))
+
+
+def test_other_weights_stand_beside_the_shipped_ones(tmp_path: Path) -> None:
+    shutil.copy(SHIPPED, tmp_path / "mine.pt")
+    with pytest.raises(LearnedError, match=r"mine\.json holds no calibration"):
+        variant_named(str(tmp_path / "mine.pt"))
+    shutil.copy(SHIPPED.with_suffix(".json"), tmp_path / "mine.json")
+    mine, shipped = variant_named(str(tmp_path / "mine.pt"), 0.3), variant_named("cnn+sift", 0.3)
+    assert mine.name == "cnn+sift, mine.pt" and mine.maker == shipped.maker
+    a, b = (sights.look(pose) for pose in (HERE, THERE))
+    for variant in (mine, shipped):
+        assert variant.compare(variant.look(a), variant.look(b)).geometry is not None

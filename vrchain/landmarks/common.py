@@ -55,9 +55,9 @@ class CommonLandmark:
     score: 0 to 1, larger is surer. support_a, support_b: (k,) indices of its matched keypoints.
     ranges: distance of the landmark from A and from B, in units of the distance from A to B; None
     where the geometry does not tell (photographs; panoramas taken at one place).
-    mask_a, mask_b: (n, 2) directions, bearing_rad and slope, of its matched spots, or else all that
-    its regions cover, where they are known; the support of a claim that no keypoints support.
-    spots: how many of them match.
+    mask_a, mask_b: (n, 2) directions, bearing_rad and slope, of its matched spots and keypoints, or
+    else, if there are none, all that its regions cover; None: those of its keypoints. spots: how
+    many spots match.
     """
 
     score: float

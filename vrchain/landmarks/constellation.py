@@ -134,10 +134,18 @@ def one_to_one(gain: Array) -> NDArray[np.int64]:
 
 def _candidates(looks: Array, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Pairs of proposals of which one is among the n that look most like the other."""
-    rank_ab = (-looks).argsort(axis=1).argsort(axis=1) < n
-    rank_ba = (-looks).argsort(axis=0).argsort(axis=0) < n
-    i, j = np.nonzero((rank_ab & rank_ba) | (looks > 0) & (rank_ab | rank_ba))
+    of_a, of_b = _most(looks, n), _most(looks.T, n).T
+    i, j = np.nonzero((of_a & of_b) | (looks > 0) & (of_a | of_b))
     return i, j
+
+
+def _most(values: Array, n: int) -> NDArray[np.bool_]:
+    """Which are the n largest of their row."""
+    found = np.zeros(values.shape, dtype=bool)
+    n = min(n, values.shape[1])
+    largest = np.argpartition(-values, n - 1, axis=1)[:, :n] if n else np.empty((len(values), 0))
+    np.put_along_axis(found, largest.astype(int), True, axis=1)
+    return found
 
 
 def _guesses(

@@ -23,7 +23,8 @@ from vrchain.seeding import generator
 Array = NDArray[np.float64]
 Real = NDArray[np.floating]
 
-_SAMPLES = 800
+_SAMPLES, _AT_ONCE = 800, 100
+_MISSED = 1e-4  # probability that no sample yet held two right matches, at which it is enough
 _HEARD, _LIKELY = 300, 40  # matches that choose the likely ones of all hypotheses, and how many
 _TOLERANCE_RAD = 0.005  # about three pixels of a 640-pixel, 60-degree view
 _PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
@@ -79,19 +80,26 @@ class PlanarGeometry:
         matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
         return _inliers(theta, theta - self.heading_rad, *matches, tolerance_rad)[0]
 
-    def allows(
-        self,
-        bearing_a_rad: Array,
-        slope_a: Array,
-        bearing_b_rad: Array,
-        slope_b: Array,
-        tolerance_rad: float = _TOLERANCE_RAD,
-    ) -> NDArray[np.bool_]:
-        """Which directions (n,) from A and (m,) from B may show one point: (n, m)."""
-        da = (bearing_a_rad - self.direction_rad)[:, None]
-        db = bearing_b_rad - self.direction_rad + self.heading_rad
-        own_a, own_b = (np.sin(da), np.cos(da)), (np.sin(db), np.cos(db))
-        return _one_point(*own_a, slope_a[:, None], *own_b, slope_b, tolerance_rad)
+    def from_a(self, directions: Array) -> NDArray[np.float32]:
+        """Directions (n, 2), bearing_rad and slope, from A, for ``may_meet``."""
+        return _seen(directions[:, 0] - self.direction_rad, directions[:, 1])
+
+    def from_b(self, directions: Array) -> NDArray[np.float32]:
+        """Directions (n, 2), bearing_rad and slope, from B, for ``may_meet``."""
+        return _seen(directions[:, 0] - self.direction_rad + self.heading_rad, directions[:, 1])
+
+
+def _seen(from_baseline_rad: Array, slope: Array) -> NDArray[np.float32]:
+    found = [np.sin(from_baseline_rad), np.cos(from_baseline_rad), slope]
+    return np.stack(found, axis=1).astype(np.float32)
+
+
+def may_meet(
+    a: NDArray[np.float32], b: NDArray[np.float32], tolerance_rad: float
+) -> NDArray[np.bool_]:
+    """Which directions (n,) from A and (m,) from B may show one point: (n, m)."""
+    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T[:, :, None], b.T
+    return _one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
 
 
 def estimate(
@@ -108,26 +116,12 @@ def estimate(
         return None
     a = np.stack([slope_b * np.sin(bearing_a_rad), -slope_b * np.cos(bearing_a_rad)], axis=1)
     b = np.stack([slope_a * np.sin(bearing_b_rad), -slope_a * np.cos(bearing_b_rad)], axis=1)
-    pairs = generator(0, "epipolar", n).integers(0, n, (_SAMPLES, 2))
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    theta, psi = _from_two(a[pairs], b[pairs])
     matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
-    if len(theta) == 0:
+    likely = _likely(a, b, matches, tolerance_rad)
+    if len(likely) == 0:
         return None
-    heard = generator(0, "heard", n).permutation(n)[:_HEARD]
-    # narrow numbers are exact enough to choose by
-    alpha, t_a, beta, t_b = (x[heard].astype(np.float32) for x in matches)
-    half = len(theta) // 2  # the other half are the opposites
-    (sin_a, cos_a), (sin_b, cos_b) = (
-        _turned(bearing, angle[:half].astype(np.float32))
-        for bearing, angle in ((alpha, theta), (beta, psi))
-    )
-    ways = _either_way(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
-    counts = np.concatenate([way.sum(axis=1) for way in ways])
-    likely = np.argsort(-counts, kind="stable")[:_LIKELY]
-    counts = _inliers(theta[likely], psi[likely], *matches, tolerance_rad).sum(axis=1)
-    best = int(likely[counts.argmax()])
-    angles = np.array([theta[best], psi[best]])
+    counts = _inliers(likely[:, 0], likely[:, 1], *matches, tolerance_rad).sum(axis=1)
+    angles = likely[counts.argmax()]
     std_rad = np.inf
     for _ in range(_POLISH_STEPS):
         inliers = _inliers(angles[:1], angles[1:], *matches, tolerance_rad)[0]
@@ -141,6 +135,36 @@ def estimate(
     alpha, t_a, beta, _ = (x[inliers] for x in matches)
     baseline = _baseline_heights(alpha - angles[0], t_a, beta - angles[1])
     return PlanarGeometry(direction, heading, inliers, std_rad, baseline)
+
+
+def _likely(
+    a: Array, b: Array, matches: tuple[Array, Array, Array, Array], tolerance_rad: float
+) -> Array:
+    """The hypotheses (theta, psi), (k, 2), that most of some matches obey.
+
+    Where many matches are right, few hypotheses are enough (Fischler and Bolles, equation 3).
+    """
+    n = len(a)
+    pairs = generator(0, "epipolar", n).integers(0, n, (_SAMPLES, 2))
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    heard = generator(0, "heard", n).permutation(n)[:_HEARD]
+    # narrow numbers are exact enough to choose by
+    alpha, t_a, beta, t_b = (x[heard].astype(np.float32) for x in matches)
+    hypotheses, counts = np.empty((0, 2)), np.empty(0, dtype=np.int64)
+    for some in np.split(pairs, range(_AT_ONCE, len(pairs), _AT_ONCE)):
+        theta, psi = _from_two(a[some], b[some])
+        half = len(theta) // 2  # the other half are the opposites
+        (sin_a, cos_a), (sin_b, cos_b) = (
+            _turned(bearing, angle[:half].astype(np.float32))
+            for bearing, angle in ((alpha, theta), (beta, psi))
+        )
+        ways = _either_way(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
+        hypotheses = np.concatenate([hypotheses, np.column_stack([theta, psi])])
+        counts = np.concatenate([counts, *(way.sum(axis=1) for way in ways)])
+        share = counts.max(initial=0) / len(heard)
+        if (1 - share**2) ** (len(hypotheses) / 4) < _MISSED:
+            break
+    return hypotheses[np.argsort(-counts, kind="stable")[:_LIKELY]]
 
 
 def _baseline_heights(da: Array, t_a: Array, db: Array) -> float:
@@ -197,22 +221,29 @@ def _one_point(
     sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
 ) -> NDArray[np.bool_]:
     """Whether directions from A and from B, counted from the baseline, may show one point."""
-    ahead, _ = _either_way(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance)
-    return ahead
+    close, along, side_a, side_b = _triangle(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance)
+    return close & ((side_a > 0) & (side_b > 0) | along)
 
 
 def _either_way(
     sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
 ) -> tuple[NDArray[np.bool_], NDArray[np.bool_]]:
     """The same for B where the baseline points, and for B in the opposite direction."""
+    close, along, side_a, side_b = _triangle(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance)
+    ahead, behind = (side_a > 0) & (side_b > 0), (side_a < 0) & (side_b < 0)
+    return close & (ahead | along), close & (behind | along)
+
+
+def _triangle(
+    sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
+) -> tuple[NDArray[np.bool_], NDArray[np.bool_], Real, Real]:
+    """Of two directions: a small Sampson distance? One course? On which side of it they meet."""
     residual = t_b * sin_a - t_a * sin_b
     square = sin_a**2 + sin_b**2 + (t_b * cos_a) ** 2 + (t_a * cos_b) ** 2
     close = residual**2 < tolerance**2 * square
     parallax = cos_a * sin_b - sin_a * cos_b
     along = (np.abs(parallax) < _PARALLEL_RAD) & (cos_a * cos_b + sin_a * sin_b > 0)
-    side_a, side_b = sin_a * parallax, sin_b * parallax
-    ahead, behind = (side_a > 0) & (side_b > 0), (side_a < 0) & (side_b < 0)
-    return close & (ahead | along), close & (behind | along)
+    return close, along, sin_a * parallax, sin_b * parallax
 
 
 def _polish(

@@ -24,6 +24,7 @@ from vrchain.landmarks.constellation import (
     one_to_one,
 )
 from vrchain.landmarks.epipolar import PlanarGeometry, estimate
+from vrchain.landmarks.guided import matched_under
 from vrchain.landmarks.proposer import Proposals, overlaps
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
 from vrchain.landmarks.record import LandmarkRecord, owners
@@ -56,9 +57,9 @@ class JointConfig:
     sure_inliers: int = 60  # matches that agree on a relative pose, from which it is beyond doubt
     agree_rad: float = 0.2  # what fewer agree on must be this near to what proposals say
     tolerance_rad: float = 0.008  # of matches, keypoints and spots, under one relative pose
+    guided_rad: float = 0.005  # ... of keypoints, once the relative pose is known
     alike_descriptors: float = 300.0  # distance of descriptors of keypoints that match
-    min_support: int = 5  # matched keypoints from which they, not the region, are the support
-    same_box: float = 0.3  # intersection over union from which two claims are of one landmark
+    same_box: float = 0.4  # intersection over union from which two claims are of one landmark
     min_score: float = 0.8  # claims less likely than this to be right are not made
     constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
 
@@ -95,7 +96,7 @@ def compare_joint(
     worth = calibration.claims[config.name]
     score = worth.probability(found.features)
     made = [
-        claim(a, b, found, k, float(score[k]), config)
+        claim(a, b, found, k, float(score[k]))
         for k in distinct(a, b, found.pairs, score, config)
         if score[k] >= config.min_score
     ]
@@ -154,14 +155,14 @@ def candidates(
     i, j = pairs.T
     inside = _inside(a, b, pairs)
     if exact:
-        support = [_guided(a, b, own, exact, config) for own in inside] if config.sift else []
+        support = _guided(a, b, inside, exact, config) if config.sift else []
         within = matched_within(a.spots, b.spots, pairs, exact) if config.spots else []
     else:
         alone = config.sift and not config.geometry
         support = [_matched(a, b, own, config.ratio) for own in inside] if alone else []
         within = []
     support = support or [(_NONE, _NONE)] * len(pairs)
-    within = within or [(_NONE, _NONE, np.empty(0))] * len(pairs)
+    within = within or [(_NONE, _NONE, np.empty(0, dtype=np.float32))] * len(pairs)
     rivals = gain.copy()
     rivals[i, j] = -np.inf
     rival = np.maximum(rivals[i].max(axis=1), rivals[:, j].max(axis=0)).clip(-30, 30)
@@ -287,21 +288,23 @@ def _shared(
 def _guided(
     a: LandmarkRecord,
     b: LandmarkRecord,
-    own: Matched,
+    inside: list[Matched],
     geometry: PlanarGeometry,
     config: JointConfig,
-) -> Matched:
-    """Keypoints that match where the relative pose lets them, no ratio test being needed then."""
-    if min(map(len, own)) == 0:
-        return _NONE, _NONE
-    fa, fb = a.features.take(own[0]), b.features.take(own[1])
-    wide_a, wide_b = fa.descriptors.astype(np.float32), fb.descriptors.astype(np.float32)
-    square = (wide_a**2).sum(1)[:, None] + (wide_b**2).sum(1) - 2 * wide_a @ wide_b.T
-    square[~geometry.allows(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope)] = np.inf
-    best_b, best_a = square.argmin(axis=1), square.argmin(axis=0)
-    k = np.arange(len(fa))
-    good = (best_a[best_b] == k) & (square[k, best_b] < config.alike_descriptors**2)
-    return own[0][good], own[1][best_b[good]]
+) -> list[Matched]:
+    """Of each pair's keypoints those that match where the relative pose lets them."""
+    wide_a, wide_b = (r.features.descriptors.astype(np.float32) for r in (a, b))
+    square_a, square_b = ((wide**2).sum(axis=1) for wide in (wide_a, wide_b))
+
+    def alike(ia: NDArray[np.int64], ib: NDArray[np.int64]) -> NDArray[np.float32]:
+        product = wide_a[ia] @ wide_b[ib].T
+        return np.asarray(2 * product - square_a[ia][:, None] - square_b[ib])
+
+    found = matched_under(
+        geometry, a.features.directions, b.features.directions, inside, alike,
+        -(config.alike_descriptors**2), config.guided_rad,
+    )  # fmt: skip
+    return [(ia, ib) for ia, ib, _ in found]
 
 
 def _agree(exact: PlanarGeometry, rough: PlanarGeometry, within_rad: float) -> bool:
@@ -316,18 +319,12 @@ def claim(
     found: Candidates,
     k: int,
     score: float,
-    config: JointConfig,
 ) -> CommonLandmark:
+    """The claim of the pair ``k``; score: that it is right."""
     i, j = found.pairs[k]
     bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
     support_a, support_b = found.support[k]
     spots_a, spots_b = found.spots[k]
-    mask_a, mask_b = mask_of(a.proposals, int(i), a.rig), mask_of(b.proposals, int(j), b.rig)
-    if len(spots_a) >= max(config.min_support, len(support_a)):
-        mask_a, mask_b = a.spots.directions[spots_a], b.spots.directions[spots_b]
-        support_a = support_b = _NONE
-    elif len(support_a) < config.min_support:
-        support_a = support_b = _NONE
     return CommonLandmark(
         score,
         region_of(a.proposals, int(i), a.rig),
@@ -335,10 +332,19 @@ def claim(
         support_a,
         support_b,
         found.geometry.ranges(*bearings) if found.geometry else None,
-        mask_a,
-        mask_b,
+        _spoken_for(a, int(i), spots_a, support_a),
+        _spoken_for(b, int(j), spots_b, support_b),
         len(spots_a),
     )
+
+
+def _spoken_for(
+    own: LandmarkRecord, index: int, spots: NDArray[np.int64], keypoints: NDArray[np.int64]
+) -> Array:
+    """Directions of what matches; where nothing does, of all that the proposal covers."""
+    if len(spots) + len(keypoints) == 0:
+        return mask_of(own.proposals, index, own.rig)
+    return np.concatenate([own.spots.directions[spots], own.features.directions[keypoints]])
 
 
 def region_of(proposals: Proposals, index: int, rig: CameraRig) -> Region:

@@ -24,10 +24,10 @@ Overlaps = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.floating]]
 
 BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0  # the network's units of a landmark's middle
 _LEAST_SCORE = 0.2
-_LEAST_LANDMARK = 0.35  # probability from which a cell belongs to a landmark
+_LEAST_LANDMARK = 0.5  # probability from which a cell belongs to a landmark
 _SAME_BOX = 0.5  # intersection over union from which two boxes are one proposal
 _DRAFT_BOX = 0.2  # a cell whose own box overlaps less with each draft has no say in them
-_OWN_BOX = 0.3  # a cell whose own box overlaps less with each proposal belongs to none
+_OWN_BOX = 0.45  # a cell whose own box overlaps less with each proposal belongs to none
 _AROUND_CELLS, _LEAST_CONTRAST = 13, 1.0  # grey levels
 _NOISE = 0.5  # share of the contrast that noise keeps when it is blurred, at most
 _LEAST_CELLS = 3
@@ -97,7 +97,7 @@ def _blank(picture: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
     So it is where a camera failed. Of what noise there is, little is left when it is blurred.
     """
-    grey = picture.mean(axis=2, dtype=np.float32)
+    grey = cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY).astype(np.float32)
     fine, coarse = _deviation(grey), _deviation(cv2.blur(grey, (3, 3)))
     return np.asarray((fine < _LEAST_CONTRAST) | (coarse < _NOISE * fine))
 

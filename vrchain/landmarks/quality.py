@@ -59,10 +59,7 @@ def judge(
         for pose, feature, support, mask, team in zip(
             poses, features, supports, masks, robots, strict=True
         ):
-            own = feature.take(support)
-            bearing_rad, slope = own.bearing_rad, own.slope
-            if not len(support) and mask is not None:
-                bearing_rad, slope = mask.T
+            bearing_rad, slope = (feature.take(support).directions if mask is None else mask).T
             ids, points = truth.look_along(pose, bearing_rad, slope, rig, team)
             values, counts = np.unique(ids, return_counts=True)
             leader = int(values[counts.argmax()])

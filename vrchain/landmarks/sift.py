@@ -47,6 +47,11 @@ class Features:
         i = np.asarray(index)
         return Features(self.bearing_rad[i], self.slope[i], self.size_rad[i], self.descriptors[i])
 
+    @property
+    def directions(self) -> NDArray[np.float64]:
+        """(n, 2): bearing_rad and slope."""
+        return np.column_stack([self.bearing_rad, self.slope])
+
 
 def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
     """SIFT with OpenCV's defaults and no limit on the number of keypoints."""

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vrchain.landmarks.epipolar import PlanarGeometry
+from vrchain.landmarks.guided import matched_under, mutual
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
 from vrchain.panorama import CameraRig
@@ -90,41 +91,34 @@ def matched(a: Spots, b: Spots) -> Matched:
     own_a, own_b = (np.arange(0, len(s), max(1, -(-len(s) // _MOST))) for s in (a, b))
     if min(len(own_a), len(own_b)) == 0:
         return _NONE, _NONE
-    alike = _alike(a.take(own_a), b.take(own_b))
-    best_b, best_a = alike.argmax(axis=1), alike.argmax(axis=0)
-    mutual = np.flatnonzero(best_a[best_b] == np.arange(len(own_a)))
-    return own_a[mutual], own_b[best_b[mutual]]
+    alike = _unit(a.take(own_a)) @ _unit(b.take(own_b)).T
+    row, column = mutual(alike)
+    return own_a[row], own_b[column]
 
 
 def matched_within(
     a: Spots, b: Spots, pairs: NDArray[np.int64], geometry: PlanarGeometry
-) -> list[tuple[NDArray[np.int64], NDArray[np.int64], Array]]:
+) -> list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]]:
     """Of each pair of proposals, (n, 2), the spots that match where the relative pose lets them.
 
     And how alike they are: the cosine.
     """
-    own_a = np.split(np.argsort(a.owner, kind="stable"), np.cumsum(np.bincount(a.owner)))
-    own_b = np.split(np.argsort(b.owner, kind="stable"), np.cumsum(np.bincount(b.owner)))
-    found = []
-    for i, j in pairs:
-        ia = own_a[i] if i < len(own_a) else _NONE
-        ib = own_b[j] if j < len(own_b) else _NONE
-        if min(len(ia), len(ib)) == 0:
-            found.append((_NONE, _NONE, np.empty(0)))
-            continue
-        fa, fb = a.take(ia), b.take(ib)
-        alike = _alike(fa, fb)
-        alike[
-            ~geometry.allows(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, _TOLERANCE_RAD)
-        ] = -1.0
-        best_b, best_a = alike.argmax(axis=1), alike.argmax(axis=0)
-        k = np.arange(len(ia))
-        good = (best_a[best_b] == k) & (alike[k, best_b] > _LEAST_ALIKE)
-        found.append((ia[good], ib[best_b[good]], alike[k, best_b][good].astype(float)))
-    return found
+    owned_a, owned_b = (
+        _by_owner(s, int(k) + 1) for s, k in zip((a, b), pairs.max(axis=0), strict=True)
+    )
+    wide_a, wide_b = _unit(a), _unit(b)
+    return matched_under(
+        geometry, a.directions, b.directions, [(owned_a[i], owned_b[j]) for i, j in pairs],
+        lambda ia, ib: wide_a[ia] @ wide_b[ib].T, _LEAST_ALIKE, _TOLERANCE_RAD,
+    )  # fmt: skip
 
 
-def _alike(a: Spots, b: Spots) -> NDArray[np.float32]:
-    """Cosines (n, m)."""
-    wide_a, wide_b = (s.descriptors.astype(np.float32) / np.float32(ONE) for s in (a, b))
-    return np.asarray(wide_a @ wide_b.T, dtype=np.float32)
+def _by_owner(spots: Spots, n: int) -> list[NDArray[np.int64]]:
+    """The spots of each of n proposals."""
+    ends = np.cumsum(np.bincount(spots.owner, minlength=n))
+    return np.split(np.argsort(spots.owner, kind="stable"), ends)
+
+
+def _unit(spots: Spots) -> NDArray[np.float32]:
+    """Descriptors (n, d) of unit length."""
+    return np.asarray(spots.descriptors.astype(np.float32) / np.float32(ONE))

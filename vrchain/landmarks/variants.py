@@ -26,6 +26,7 @@ from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import CameraRig, Panorama
 
 DEFAULT = "cnn+sift"
+HALF = ", half resolution"
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def at_half_resolution(variant: Variant) -> Variant:
     def look(panorama: Panorama) -> Any:
         return variant.look(halved(panorama))
 
-    return replace(variant, name=f"{variant.name}, half resolution", look=look)
+    return replace(variant, name=f"{variant.name}{HALF}", look=look)
 
 
 def halved(panorama: Panorama) -> Panorama:
@@ -92,15 +93,22 @@ def halved(panorama: Panorama) -> Panorama:
 
 
 def variant_named(name: str, min_score: float | None = None) -> Variant:
-    """A variant by its name, or MODULE:NAME of one plugged in; MissionError if there is none.
+    """A variant by its name; MissionError if there is none.
 
-    min_score: of the claims that it makes, if not its own.
+    Or WEIGHTS.pt, the default with other weights; or MODULE:NAME of one plugged in. min_score: of
+    the claims that it makes, if not its own.
     """
+    if name.endswith(HALF):
+        return at_half_resolution(variant_named(name.removesuffix(HALF), min_score))
     if name == "sift":
         return sift() if min_score is None else sift(min_score)
     if name in JOINT:
         config = JOINT[name]
         return learned(config if min_score is None else replace(config, min_score=min_score))
+    if name.endswith(".pt"):
+        config = JOINT[DEFAULT]
+        config = config if min_score is None else replace(config, min_score=min_score)
+        return learned(config, Path(name), f"{DEFAULT}, {Path(name).name}")
     module, _, attribute = name.partition(":")
     try:
         found = getattr(importlib.import_module(module), attribute) if attribute else None
@@ -108,7 +116,8 @@ def variant_named(name: str, min_score: float | None = None) -> Variant:
         raise MissionError(f"no variant {name!r} to plug in: {error}") from error
     if not isinstance(found, Variant):
         raise MissionError(
-            f"no variant {name!r}: there are sift, {', '.join(JOINT)}, or MODULE:NAME of your own"
+            f"no variant {name!r}: there are {'; '.join(['sift', *JOINT])}; these with "
+            f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
         )
     return found
 

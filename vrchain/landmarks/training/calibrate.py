@@ -80,7 +80,7 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
         for truth, a, b in tqdm(pairs, desc=joint.name, unit="", disable=None):
             joined = candidates(a.record, b.record, joint, rough)
             if joined is not None:
-                verdicts = _verdicts(truth, a, b, joined, joint)
+                verdicts = _verdicts(truth, a, b, joined)
                 weighed.append(_Weighed(a.record, b.record, joined, verdicts))
         for one, other in elsewhere:
             joined = candidates(one.record, other.record, joint, rough)
@@ -122,10 +122,8 @@ class _Weighed:
         return np.array(kept, dtype=np.int64)
 
 
-def _verdicts(
-    truth: GroundTruth, a: Sight, b: Sight, found: Candidates, joint: JointConfig
-) -> list[Verdict]:
-    made = [claim(a.record, b.record, found, k, 1.0, joint) for k in range(len(found.pairs))]
+def _verdicts(truth: GroundTruth, a: Sight, b: Sight, found: Candidates) -> list[Verdict]:
+    made = [claim(a.record, b.record, found, k, 1.0) for k in range(len(found.pairs))]
     return judge(
         Comparison(tuple(made), found.geometry), truth, (a.pose, b.pose),
         (a.record.features, b.record.features), a.record.rig,
