@@ -11,18 +11,12 @@ pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
 from vrchain.errors import ImageError
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.gallery import (
-    gallery_of,
-    partners,
-    record_from,
-    sought,
-    subject,
-    who_sees,
-)
+from vrchain.landmarks.gallery import gallery_of, partners, record_from, who_sees
 from vrchain.landmarks.joint import JointConfig, compare_joint, distinct
 from vrchain.landmarks.quality import judge
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, columns_of
 from vrchain.landmarks.record import LandmarkRecord, encode_record, examine
+from vrchain.landmarks.sought import sought, subject
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
 from vrchain.scene import Scene, build_scene

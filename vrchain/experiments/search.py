@@ -19,10 +19,11 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.team import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.files import write_file
 from vrchain.geometry import Pose
-from vrchain.landmarks.gallery import gallery_of, sought, who_sees
+from vrchain.landmarks.gallery import gallery_of, who_sees
 from vrchain.landmarks.recognition import find_goal, goal_of
 from vrchain.landmarks.record import LandmarkRecord, decode_record, encode_record, examine, maker_of
 from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.sought import sought
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
 from vrchain.scene.model import Scene

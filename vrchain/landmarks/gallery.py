@@ -27,6 +27,7 @@ from vrchain.landmarks.recognition import (
 )
 from vrchain.landmarks.record import LandmarkRecord, decode_record, examine, maker_of
 from vrchain.landmarks.sift import Features
+from vrchain.landmarks.sought import Sought
 from vrchain.landmarks.spots import ONE
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import Panorama
@@ -34,11 +35,14 @@ from vrchain.panorama import Panorama
 Array = NDArray[np.float64]
 Key = TypeVar("Key")
 
-# Log-odds that a panorama shows it: 1, looks, logs of keypoints and of spots that agree. Fitted to
-# 16 goals and 160 panoramas of seed 1000, the most alike ones of each goal; half a unit stricter.
-_BELIEF = np.array([-14.7, 2.7, 1.3, 1.55])
-_SHORT = 25  # panoramas looked at more closely
-_MIDDLE_SLOPE = 0.1  # what a picture shows reaches to its middle, give or take this
+# Log-odds that a panorama shows it: 1, looks, ten times how alike its spots are, log of its range
+# over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas of
+# seeds 1001 and 1002, the likeliest of each goal; three units stricter, as where nobody shows it none may.
+_BELIEF = np.array([-36.0, 1.66, 2.74, 0.56, 1.03, 1.9])
+_TYPICAL_M = 15.0
+_LOOKS, _SPOTS = 0.75, 18.2  # by which those are chosen that are looked at more closely
+_AMONG = 10  # proposals of a panorama, the most alike, whose spots are compared
+_SHORT = 40  # panoramas looked at more closely
 
 
 @dataclass(frozen=True, eq=False)
@@ -114,51 +118,33 @@ def partners(
     return sorted(found, key=lambda pair: -sum(c.score for c in pair[1].common))
 
 
-@dataclass(frozen=True, eq=False)
-class Sought:
-    """A landmark by pictures: embedding (pictures, d) of what each shows, and the pictures."""
-
-    embedding: NDArray[np.float32]
-    pictures: tuple[LandmarkRecord, ...]
-
-
-def sought(pictures: Sequence[LandmarkRecord]) -> Sought:
-    """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
-    shown = [(p, subject(p)) for p in pictures]
-    useful = [(p, k) for p, k in shown if k is not None]
-    embedding = [p.proposals.embedding[k] for p, k in useful]
-    none = np.empty((0, 0), dtype=np.float32)
-    return Sought(np.stack(embedding) if embedding else none, tuple(p for p, _ in useful))
-
-
-def subject(picture: LandmarkRecord) -> int | None:
-    """The proposal that a picture shows, as one points out a thing: the largest in its middle."""
-    right, left, low, high = picture.proposals.box.T
-    near = (right <= 0) & (left >= 0) & (low <= _MIDDLE_SLOPE) & (high >= -_MIDDLE_SLOPE)
-    middle = np.flatnonzero(near)
-    if len(middle) == 0:
-        return None
-    return int(middle[((left - right) * (high - low))[middle].argmax()])
-
-
 @dataclass(frozen=True)
 class Seen(Generic[Key]):
     """A panorama that may show what was sought.
 
-    looks: log-likelihood ratio of its proposal; sighting, spotted: where its keypoints, and its
-    spots, agree that it is. belief: log-odds that it does, by all three; it does above 0.
+    looks, alike: how much its proposal looks like it as a whole, and by its spots; see ``Sought``.
+    sighting, spotted: where its keypoints, and its spots, agree that it is. belief: log-odds that
+    it does show it, by all of them; it does above 0.
     """
 
     key: Key
-    looks: float
     proposal: int
+    range_m: float
+    looks: float
+    alike: float
     sighting: Sighting | None
     spotted: Sighting | None
 
     @property
-    def belief(self) -> float:
+    def features(self) -> Array:
+        """What speaks for it, (6,)."""
         counts = [s.n_matches if s else 0 for s in (self.sighting, self.spotted)]
-        return float(_BELIEF @ [1.0, self.looks, *np.log1p(counts)])
+        depth = np.log(np.clip(self.range_m, 1.0, 100.0) / _TYPICAL_M)
+        return np.array([1.0, self.looks, 10 * self.alike, depth, *np.log1p(counts)])
+
+    @property
+    def belief(self) -> float:
+        return float(_BELIEF @ self.features)
 
 
 def who_sees(
@@ -168,9 +154,20 @@ def who_sees(
     calibration = calibration or load_calibration()
     if len(what.embedding) == 0 or len(gallery.owner) == 0:
         return []
-    cosine = (gallery.embedding @ what.embedding.T).astype(float)
-    looks = calibration.alike_scale * (cosine - calibration.alike_even)
-    best = looks.max(axis=1)
+    looks = what.looks(gallery.embedding, calibration)
+    begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records) + 1))
+    likely: list[tuple[float, int, int, float]] = []
+    for n, record in enumerate(gallery.records):
+        own = looks[begins[n] : begins[n + 1]]
+        if len(own) == 0:
+            continue
+        chosen = np.zeros(len(own), dtype=bool)
+        chosen[np.argsort(-own, kind="stable")[:_AMONG]] = True
+        alike = what.alike(record.proposals, record.spots.take(chosen[record.spots.owner]))
+        worth = np.where(chosen, _LOOKS * own + _SPOTS * alike, -np.inf)
+        k = int(worth.argmax())
+        likely.append((float(worth[k]), n, k, float(alike[k])))
+    likely.sort(key=lambda found: (-found[0], found[1]))
     templates = [
         [
             template_around(of(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf))
@@ -179,18 +176,11 @@ def who_sees(
         for of, _ in _WAYS
     ]
     found = []
-    taken = np.zeros(len(gallery.records), dtype=bool)
-    begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records)))
-    for n in np.argsort(-best, kind="stable"):
-        k = int(gallery.owner[n])
-        if taken[k]:
-            continue
-        taken[k] = True
-        proposal = int(n - begins[k])
-        sightings = _sighted(templates, gallery.records[k], proposal)
-        found.append(Seen(gallery.keys[k], float(best[n]), proposal, *sightings))
-        if len(found) == _SHORT:
-            break
+    for _, n, k, alike_k in likely[:_SHORT]:
+        record = gallery.records[n]
+        sightings = _sighted(templates, record, k)
+        range_m, looks_k = float(record.proposals.range_m[k]), float(looks[begins[n] + k])
+        found.append(Seen(gallery.keys[n], k, range_m, looks_k, alike_k, *sightings))
     return sorted(found, key=lambda s: -s.belief)
 
 

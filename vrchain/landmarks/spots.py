@@ -50,6 +50,11 @@ class Spots:
         return Spots(self.owner[i], self.bearing_rad[i], self.slope[i], self.descriptors[i])
 
     @property
+    def unit(self) -> NDArray[np.float32]:
+        """Descriptors (n, d) of unit length."""
+        return np.asarray(self.descriptors.astype(np.float32) / np.float32(ONE))
+
+    @property
     def directions(self) -> Array:
         """(n, 2): bearing_rad and slope."""
         return np.column_stack([self.bearing_rad, self.slope])
@@ -91,7 +96,7 @@ def matched(a: Spots, b: Spots) -> Matched:
     own_a, own_b = (np.arange(0, len(s), max(1, -(-len(s) // _MOST))) for s in (a, b))
     if min(len(own_a), len(own_b)) == 0:
         return _NONE, _NONE
-    alike = _unit(a.take(own_a)) @ _unit(b.take(own_b)).T
+    alike = a.take(own_a).unit @ b.take(own_b).unit.T
     row, column = mutual(alike)
     return own_a[row], own_b[column]
 
@@ -106,7 +111,7 @@ def matched_within(
     owned_a, owned_b = (
         _by_owner(s, int(k) + 1) for s, k in zip((a, b), pairs.max(axis=0), strict=True)
     )
-    wide_a, wide_b = _unit(a), _unit(b)
+    wide_a, wide_b = a.unit, b.unit
     return matched_under(
         geometry, a.directions, b.directions, [(owned_a[i], owned_b[j]) for i, j in pairs],
         lambda ia, ib: wide_a[ia] @ wide_b[ib].T, _LEAST_ALIKE, _TOLERANCE_RAD,
@@ -117,8 +122,3 @@ def _by_owner(spots: Spots, n: int) -> list[NDArray[np.int64]]:
     """The spots of each of n proposals."""
     ends = np.cumsum(np.bincount(spots.owner, minlength=n))
     return np.split(np.argsort(spots.owner, kind="stable"), ends)
-
-
-def _unit(spots: Spots) -> NDArray[np.float32]:
-    """Descriptors (n, d) of unit length."""
-    return np.asarray(spots.descriptors.astype(np.float32) / np.float32(ONE))

@@ -1,0 +1,79 @@
+"""A landmark that is known by a few pictures, and how much something looks like it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.landmarks.calibration import Calibration
+from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.record import LandmarkRecord
+from vrchain.landmarks.spots import Spots
+
+Array = NDArray[np.float64]
+
+_MIDDLE_SLOPE = 0.1  # what a picture shows reaches to its middle, give or take this
+_HEIGHT, _HEIGHT_M = 0.35, 0.5  # by how much heights above the camera may differ: share, metres
+
+
+@dataclass(frozen=True, eq=False)
+class Sought:
+    """A landmark by pictures.
+
+    embedding: (k, d) what it looks like in each picture; spots: (m, d) unit descriptors of its
+    spots, and height_m: (m,) how high above the camera each is; pictures: those that show it.
+    """
+
+    embedding: NDArray[np.float32]
+    spots: NDArray[np.float32]
+    height_m: Array
+    pictures: tuple[LandmarkRecord, ...]
+
+    def looks(self, embedding: NDArray[np.float32], calibration: Calibration) -> Array:
+        """Log-likelihood ratio of being it, by looks as a whole, for proposals (n, d): (n,)."""
+        if len(self.embedding) == 0 or len(embedding) == 0:
+            return np.full(len(embedding), -np.inf)
+        cosine = (embedding @ self.embedding.T).astype(float).max(axis=1)
+        return np.asarray(calibration.alike_scale * (cosine - calibration.alike_even))
+
+    def alike(self, proposals: Proposals, spots: Spots) -> Array:
+        """How alike the spots of each proposal are to those of its that are about as high: (n,).
+
+        The mean of the cosines, 0 for a proposal without spots.
+        """
+        n = len(proposals)
+        if len(spots) == 0 or len(self.spots) == 0:
+            return np.zeros(n)
+        cosine = spots.unit @ self.spots.T
+        high_m = (spots.slope * proposals.range_m[spots.owner])[:, None]
+        most_m = _HEIGHT * np.maximum(np.abs(high_m), np.abs(self.height_m)) + _HEIGHT_M
+        cosine[np.abs(high_m - self.height_m) >= most_m] = 0.0
+        total = np.bincount(spots.owner, cosine.max(axis=1), n)
+        return np.asarray(total / np.maximum(np.bincount(spots.owner, minlength=n), 1))
+
+
+def sought(pictures: Sequence[LandmarkRecord]) -> Sought:
+    """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
+    shown = [(p, k) for p, k in ((p, subject(p)) for p in pictures) if k is not None]
+    none = np.empty((0, 0), dtype=np.float32)
+    if not shown:
+        return Sought(none, none, np.empty(0), ())
+    own = [p.spots.take(p.spots.owner == k) for p, k in shown]
+    return Sought(
+        np.stack([p.proposals.embedding[k] for p, k in shown]),
+        np.concatenate([spots.unit for spots in own]),
+        np.concatenate(
+            [s.slope * p.proposals.range_m[k] for s, (p, k) in zip(own, shown, strict=True)]
+        ),
+        tuple(p for p, _ in shown),
+    )
+
+
+def subject(picture: LandmarkRecord) -> int | None:
+    """The proposal that a picture is framed on: of those in its middle, that of the most cells."""
+    p = picture.proposals
+    right, left, low, high = p.box.T
+    middle = (right <= 0) & (left >= 0) & (low <= _MIDDLE_SLOPE) & (high >= -_MIDDLE_SLOPE)
+    cells = np.bincount(p.owner, minlength=len(p)) * middle
+    return int(cells.argmax()) if cells.any() else None
