@@ -15,8 +15,10 @@ from vrchain.experiments.mission import MARKER, SUCCESS_RANGE_M, MissionRun, sav
 from vrchain.geometry import Pose, rotation_z
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.ledger import Ledger, verify
-from vrchain.navigation.eyes import goal_from, learned_eyes
-from vrchain.navigation.mission import MissionConfig, MissionResult, run_mission
+from vrchain.navigation.eyes import learned_eyes
+from vrchain.navigation.goal import goal_from
+from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.terms import MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
 from vrchain.robot import Drive, Observation

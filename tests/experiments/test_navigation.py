@@ -15,7 +15,7 @@ from vrchain.experiments.missions import Mission, TrueChain
 from vrchain.experiments.navigation import as_table, evaluate, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
-from vrchain.navigation.mission import MissionConfig
+from vrchain.navigation.terms import MissionConfig
 
 HAMLET = Scenes(lambda seed, k: hamlet(), "hamlet", varied=False)
 SHORT = MissionConfig(limit_s=150.0)
@@ -45,6 +45,15 @@ def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
     assert same == drawn
     stored = [json.loads(f.read_text()) for f in sorted(tmp_path.rglob("*_oracle.json"))]
     assert all(s["log"][-1]["what"] == "arrived" for s in stored)
+
+
+def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
+    table, drawn = evaluate(
+        HAMLET, 1, 4, ["oracle"], seed=3, folder=tmp_path, rig=RIG, config=SHORT, to_places=True
+    )
+    assert drawn[0].goal == missions.PLACE
+    assert table.success.all() and (table.range_m <= 1.0).all(), table.reason.to_list()
+    assert (table.collisions == 0).all()
 
 
 def mission(number: int, landmarks: int) -> Mission:

@@ -1,6 +1,6 @@
 """A made-up plain of round things, seen without drawing: for missions that take no time."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -13,7 +13,10 @@ from vrchain.landmarks.common import Comparison, compare
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.recognition import LOWEST_SLOPE, Goal, template_around
 from vrchain.landmarks.sift import Features
-from vrchain.navigation.eyes import Eyes, GoalPictures, Look
+from vrchain.landmarks.sought import Sought
+from vrchain.landmarks.spots import NO_SPOTS, ONE, Spots
+from vrchain.navigation.eyes import Eyes, Look
+from vrchain.navigation.goal import GoalPictures
 from vrchain.panorama import CameraRig
 from vrchain.robot import Drive, Observation
 from vrchain.seeding import generator
@@ -43,19 +46,37 @@ class Thing:
     share: float = 1.0  # of its points that have the design's look
 
     def features(self, pose: Pose) -> Features:
+        coded = sights.descriptors(self.n, self.looks or self.name)
+        coded = np.where(self._own[:, None], sights.descriptors(self.n, self.name), coded)
+        facing, bearing, slope = self._shown(pose)
+        return sights.features_of(bearing, slope, coded[facing])
+
+    def spots(self, pose: Pose) -> tuple[NDArray, NDArray, NDArray]:
+        """Bearings, slopes and descriptors of its points as the network would describe them."""
+        coded, own = (
+            generator(0, "spots", name).normal(size=(self.n, 32))
+            for name in (self.looks or self.name, self.name)
+        )
+        coded = np.where(self._own[:, None], own, coded)
+        coded /= np.linalg.norm(coded, axis=1, keepdims=True)
+        facing, bearing, slope = self._shown(pose)
+        return bearing, slope, np.round(coded[facing] * ONE).astype(np.int8)
+
+    @property
+    def _own(self) -> NDArray[np.bool_]:
+        """Points that do not have the design's look."""
+        return generator(1, "thing", self.name).uniform(size=self.n) >= self.share
+
+    def _shown(self, pose: Pose) -> tuple[NDArray[np.bool_], NDArray, NDArray]:
+        """Which points are in view, and where."""
         draws = generator(0, "thing", self.looks or self.name)
         angle, height = draws.uniform(-np.pi, np.pi, self.n), draws.uniform(0.1, 1, self.n)
         radial = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         at = np.array(self.xy_m) + self.radius_m * radial
         points = np.column_stack([at, self.height_m * height])
-        coded = sights.descriptors(self.n, self.looks or self.name)
-        if self.share < 1:
-            own = generator(1, "thing", self.name).uniform(size=self.n) >= self.share
-            coded = np.where(own[:, None], sights.descriptors(self.n, self.name), coded)
         facing = ((pose.xy_m - at) * radial).sum(axis=1) > 0.2 * self.radius_m
         facing &= self.visible_from(pose)
-        bearing, slope = sights.directions(pose, points[facing])
-        return sights.features_of(bearing, slope, coded[facing])
+        return facing, *sights.directions(pose, points[facing])
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,20 +123,33 @@ class Plain:
             np.array([embedding(t.looks or t.name) for t in shown], dtype=np.float32)
             .reshape(n, 64), NO_CELLS, NO_CELLS,
         )  # fmt: skip
-        features = self.features(pose)
-        return Look(RIG, proposals, features)
+        return Look(RIG, proposals, self.features(pose), spots_of(shown, pose))
 
     def goal(self, name: str, *azimuths_rad: float) -> GoalPictures:
         """Pictures of one thing from 8 m."""
         (thing,) = (t for t in self.things if t.name == name)
-        made = []
+        made, spots, height_m = [], [], []
         for azimuth in azimuths_rad:
             xy = np.array(thing.xy_m) + 8 * np.array([np.cos(azimuth), np.sin(azimuth)])
             pose = Pose(float(xy[0]), float(xy[1]), float(wrap_angle_rad(azimuth + np.pi)))
             alone = Thing(name, thing.xy_m, thing.radius_m, thing.height_m, thing.n)
             seen = alone.features(pose)
             made.append(template_around(seen, 0.0, 0.2, (LOWEST_SLOPE, np.inf)))
-        return GoalPictures(embedding(name)[None], Goal(tuple(made)), CALIBRATION)
+            _, slope, code = alone.spots(pose)
+            spots.append(code.astype(np.float32) / np.float32(ONE))
+            height_m.append(slope * pose.distance_to_m(thing.xy_m))
+        shown = Sought(embedding(name)[None], np.concatenate(spots), np.concatenate(height_m), ())
+        return GoalPictures(shown, Goal(tuple(made)), CALIBRATION)
+
+
+def spots_of(shown: Sequence[Thing], pose: Pose) -> Spots:
+    """The spots of things in view, each thing a proposal."""
+    if not shown:
+        return NO_SPOTS
+    seen = [t.spots(pose) for t in shown]
+    owner = np.repeat(np.arange(len(seen)), [len(code) for _, _, code in seen])
+    bearing, slope, code = (np.concatenate(part) for part in zip(*seen, strict=True))
+    return Spots(owner, bearing, slope, code)
 
 
 def embedding(looks: str) -> NDArray[np.float32]:

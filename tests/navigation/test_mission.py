@@ -8,14 +8,11 @@ from navigation.plains import CALIBRATION, EYES, Plain, PlainIndex, Thing, Walke
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose
 from vrchain.landmarks.recognition import Goal
-from vrchain.navigation.eyes import GoalPictures
-from vrchain.navigation.mission import (
-    Decision,
-    MissionConfig,
-    MissionResult,
-    range_along_m,
-    run_mission,
-)
+from vrchain.landmarks.sought import sought
+from vrchain.navigation.driving import range_along_m
+from vrchain.navigation.goal import GoalPictures
+from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.terms import Decision, MissionConfig
 
 GOAL_XY = (16.0, 8.0)
 HOME = Pose(0, 0, 0.5)
@@ -92,7 +89,7 @@ def test_a_goal_in_view_is_driven_to() -> None:
     assert result.arrived and result.plans == ()
     assert words(result) == ["approach", "arrived"]
     assert goal_range_m(body) <= QUICK.arrival_m + 0.3
-    assert result.decisions[0].values["matches"] >= 15
+    assert result.decisions[0].values["chance"] >= 0.9
     assert abs(result.decisions[0].values["bearing_deg"]) < 8
 
 
@@ -148,7 +145,7 @@ def test_a_goal_that_is_nowhere() -> None:
     goal = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
     result, _ = drive(street(), TEAM, goal=goal)
     assert not result.arrived and "shows the goal" in result.reason
-    blank = GoalPictures(np.empty((0, 64), np.float32), Goal(()), CALIBRATION)
+    blank = GoalPictures(sought([]), Goal(()), CALIBRATION)
     result, _ = drive(street(), TEAM, goal=blank)
     assert not result.arrived
 

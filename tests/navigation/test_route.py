@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
-from vrchain.navigation.eyes import GoalSight
+from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.route import Plan, plan, worth
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator

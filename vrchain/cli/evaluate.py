@@ -218,6 +218,7 @@ def navigation(
     arms: Annotated[
         list[str] | None, typer.Option(metavar="A", help="Give one for each; all if none.")
     ] = None,
+    to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
     seed: Annotated[
         int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
@@ -236,7 +237,7 @@ def navigation(
     _check_seed(seed, allow_training_seeds)
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
-        folder=output or BUILD / "evaluate" / "navigation",
+        folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
     )  # fmt: skip
     summary = experiment.summarise(*found)
     if as_json:

@@ -100,7 +100,7 @@ def navigate(
 ) -> None:
     """Send a robot to a goal out of its sight, by what the others put into the ledger."""
     from vrchain.experiments import mission
-    from vrchain.navigation.mission import Decision
+    from vrchain.navigation.terms import Decision
     from vrchain.plots.mission import save_pictures
     from vrchain.scene import load_scene
 

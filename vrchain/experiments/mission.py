@@ -22,8 +22,10 @@ from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.ledger import Ledger, simulated_key
 from vrchain.ledger.transaction import NO_BLOB
-from vrchain.navigation.eyes import Eyes, Look, goal_from, learned_eyes
-from vrchain.navigation.mission import Decision, MissionConfig, MissionResult, run_mission
+from vrchain.navigation.eyes import Eyes, Look, learned_eyes
+from vrchain.navigation.goal import goal_from
+from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.terms import Decision, MissionConfig
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator

@@ -1,14 +1,16 @@
 """Missions at random, and the chains of landmarks that truth knows lead to their goals.
 
 Start, other robots and goal are uniform: robots in free space, the goal among the buildings without
-a twin. A draw is rejected if the shortest free way is not 40 to 120 m long, if a pixel of the goal
-is in view at the start, or if the goal cannot be pictured unoccluded. Every third mission is drawn
+a twin, or, asked for places, in free space too. A draw is rejected if the shortest free way is not
+40 to 120 m long, if a pixel of the goal is in view at the start, or a landmark in view from the
+place that is the goal, or if the goal cannot be pictured unoccluded. Every third mission is drawn
 until its chain needs two landmarks or more. Robots face anywhere.
 
 A *chain* is start, L1, P2, L2 ... Pk, goal: each landmark co-visible in neighbouring panoramas, the
 goal visible in Pk, and from a free and reachable place within the approach distance of each
 landmark the next one, at last the goal, is visible. The one with fewest landmarks is given, of
-those the one with the shortest way.
+those the one with the shortest way. Where the goal is a place, its own panorama ends the chain, as
+another robot's would.
 """
 
 from collections.abc import Iterable, Mapping
@@ -33,6 +35,7 @@ from vrchain.truth import VISIBLE_AREA_DEG2, VISIBLE_AZIMUTH_DEG, GroundTruth
 
 Array = NDArray[np.float64]
 
+PLACE = "a place"  # the goal's name, where it is no object
 WAY_M = (40.0, 120.0)
 APPROACH_M = 3.0  # from a landmark's footprint; the goal is reached at this range too
 _SPACING_M, _CLEARANCE_M = 0.5, 0.5  # of the grid on which ways are found
@@ -98,6 +101,7 @@ class TrueChain:
 class Mission:
     """poses: where each robot stands, the driving one first. way_m: the shortest free way.
 
+    goal: an object's name, or ``PLACE``; goal_poses: from where it is pictured, or that place.
     rejected: how many draws were, for each reason, before this one.
     """
 
@@ -146,10 +150,13 @@ class Ground:
         self._pictured: dict[int, list[Pose]] = {}
         self._from_near: dict[int, frozenset[int]] = {}
 
-    def draw(self, seed: int, k: int, number: int, n_robots: int) -> Mission:
+    def draw(
+        self, seed: int, k: int, number: int, n_robots: int, to_places: bool = False
+    ) -> Mission:
         """Mission ``number`` of suburb k of a seed; MissionError if none is found."""
-        draws = generator(seed, "mission", k, number)
-        names, goals = robot_names(n_robots), goal_ids(self.scene, None)
+        draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
+        names = robot_names(n_robots)
+        goals = [] if to_places else goal_ids(self.scene, None)
         least = 2 if number % 3 == 0 else 0
         rejected: dict[str, int] = {}
         for _ in range(_DRAWS):
@@ -171,47 +178,62 @@ class Ground:
         number: int,
         least: int,
     ) -> "Mission | str":
-        """A mission, or why it is none."""
-        target = int(draws.choice(goals))
-        xy_m = self.free.points_m[draws.integers(len(self.free.points_m), size=len(names))]
-        yaws = draws.uniform(-np.pi, np.pi, len(names))
+        """A mission, or why it is none; without goals to choose from, to a place."""
+        target = int(draws.choice(goals)) if goals else None
+        n = len(names) + (target is None)
+        stand = draws.integers(len(self.free.points_m), size=n)
+        xy_m, yaws = self.free.points_m[stand], draws.uniform(-np.pi, np.pi, n)
         away_m = np.linalg.norm(xy_m[:, None] - xy_m, axis=2)
-        if (away_m[np.triu_indices(len(names), 1)] < _APART_M).any():
+        if (away_m[np.triu_indices(n, 1)] < _APART_M).any():
             return "robots in one place"
         poses = [Pose(float(x), float(y), float(a)) for (x, y), a in zip(xy_m, yaws, strict=True)]
-        zone = self.free.around(self.scene.objects[target].footprint, APPROACH_M)
+        if target is None:
+            zone = stand[-1:]
+        else:
+            zone = self.free.around(self.scene.objects[target].footprint, APPROACH_M)
         far_m = self.free.from_m(xy_m[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
         if not WAY_M[0] <= way_m <= WAY_M[1]:
             return "way too short" if way_m < WAY_M[0] else "way too long"
-        if target in self.truth.visibility(poses[0], self.rig).index:
+        if target is None:
+            seen = (Sights(self.truth, pose, self.rig) for pose in (poses[0], poses[-1]))
+            in_view = bool(shared(self.truth, *seen))
+        else:
+            in_view = target in self.truth.visibility(poses[0], self.rig).index
+        if in_view:
             return "goal in view"
-        chain = self.chain(dict(zip(names, poses, strict=True)), target, far_m, zone)
+        team = dict(zip(names, poses, strict=False))
+        chain = self.chain(team, poses[-1] if target is None else target, far_m, zone)
         if least and (chain is None or len(chain.landmarks) < least):
             return f"no chain of {least} or more"
+        if target is None:
+            return Mission(number, PLACE, (poses[-1],), team, way_m, chain)
         if target not in self._pictured:
             self._pictured[target] = goal_poses(self.scene, self.truth, target, seed)
         if len(self._pictured[target]) < GOAL_PICTURES:
             return "goal cannot be pictured"
         return Mission(
-            number, self.scene.objects[target].name, tuple(self._pictured[target]),
-            dict(zip(names, poses, strict=True)), way_m, chain,
+            number, self.scene.objects[target].name, tuple(self._pictured[target]), team, way_m,
+            chain,
         )  # fmt: skip
 
     def chain(
         self,
         poses: Mapping[str, Pose],
-        target: int,
+        target: int | Pose,
         far_m: Array,
         zone: NDArray[np.int64],
     ) -> TrueChain | None:
         """The chain with fewest landmarks from the first robot to the goal, or None.
 
-        far_m: how far every point is from that robot; zone: where the goal is reached.
+        target: the goal, an object or a place. far_m: how far every point is from that robot; zone:
+        where the goal is reached.
         """
+        if isinstance(target, Pose):
+            poses = {**poses, PLACE: target}
         seen = {n: Sights(self.truth, p, self.rig) for n, p in poses.items()}
         first, *others = poses
-        last = {n for n in others if target in seen[n].visible}
+        last = {n for n in others if n == PLACE or target in seen[n].visible}
         if not last:
             return None
 
@@ -237,12 +259,12 @@ class Ground:
                             )
             ends = [
                 TrueChain(
-                    state.robots,
+                    tuple(r for r in state.robots if r != PLACE),
                     tuple(self.scene.objects[i].name for i in state.landmarks),
                     float(self._after_m(state)[zone].min()),
                 )
                 for state in onward.values()
-                if state.robot in last and target in self._near(state)
+                if state.robot in last and (state.robot == PLACE or target in self._near(state))
             ]
             if ends:
                 return min(ends, key=lambda chain: chain.way_m)

@@ -26,7 +26,7 @@ from tqdm.auto import tqdm
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import by_suburb, ratio, resampled
 from vrchain.experiments.mission import index_of, is_at, newest_of
-from vrchain.experiments.missions import Ground, Mission
+from vrchain.experiments.missions import PLACE, Ground, Mission
 from vrchain.experiments.oracle import Oracle
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.team import assemble, goal_pictures
@@ -35,8 +35,11 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.record import maker_of
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.ledger import Ledger, simulated_key
-from vrchain.navigation.eyes import GoalPictures, goal_from, learned_eyes
-from vrchain.navigation.mission import Decision, MissionConfig, MissionResult, run_mission
+from vrchain.navigation.eyes import learned_eyes
+from vrchain.navigation.goal import GoalPictures, KnownGoal, goal_from
+from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.place_goal import GoalPlace
+from vrchain.navigation.terms import Decision, MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
 from vrchain.simulator import Simulator
@@ -45,6 +48,7 @@ from vrchain.truth import GroundTruth
 FORMAT = 1
 ARMS = ("ledger", "alone", "oracle")
 MISSIONS_A_SUBURB = 10
+_AT_PLACE_M = 1.0
 
 
 class Suburb:
@@ -77,12 +81,20 @@ class Suburb:
             ) as ledger,
         ):
             taken: dict[bytes, Pose] = {}  # from where panoramas were, by their bytes
-            if arm == "oracle":
-                oracle = Oracle(self.truth, self.rig)
+            oracle = Oracle(self.truth, self.rig) if arm == "oracle" else None
+            if oracle is not None:
                 eyes = oracle.eyes(lambda: simulator.pose(robot), taken.__getitem__)
-                goal = oracle.goal(mission.goal)
             else:
-                eyes, goal = learned_eyes(weights), self._goal(mission, weights)
+                eyes = learned_eyes(weights)
+            goal: KnownGoal
+            if mission.goal == PLACE:
+                (place,) = mission.goal_poses
+                shown = self.renderer.render(place, self.rig).encode()
+                taken[shown] = place
+                look = eyes.stored(shown, None)
+                goal = oracle.place(look, eyes) if oracle else GoalPlace(look, eyes)
+            else:
+                goal = oracle.goal(mission.goal) if oracle else self._goal(mission, weights)
             robots = assemble(
                 simulator, ledger, number, examine=None if arm == "oracle" else eyes.record
             )
@@ -110,9 +122,12 @@ class Suburb:
         result: MissionResult,
         wall_s: float,
     ) -> dict[str, object]:
-        at_goal, range_m = is_at(
-            self.scene, self.truth, mission.goal, simulator.pose(robot), self.rig
-        )
+        pose = simulator.pose(robot)
+        if mission.goal == PLACE:
+            range_m = pose.distance_to_m(mission.goal_poses[0].xy_m)
+            at_goal = range_m <= _AT_PLACE_M
+        else:
+            at_goal, range_m = is_at(self.scene, self.truth, mission.goal, pose, self.rig)
         path = simulator.path_xy_m(robot)
         chain = mission.chain
         return {
@@ -146,8 +161,9 @@ def evaluate(
     rig: CameraRig | None = None,
     config: MissionConfig | None = None,
     weights: Path = SHIPPED,
+    to_places: bool = False,
 ) -> tuple[pd.DataFrame, list[Mission]]:
-    """One row a mission and arm, and the missions as they were drawn.
+    """One row a mission and arm, and the missions as they were drawn, to objects or to places.
 
     What was found already under ``folder`` is read from there.
     """
@@ -158,7 +174,7 @@ def evaluate(
             f"{', '.join(arms)}"
         )
     rig, config = rig or CameraRig(), config or MissionConfig()
-    drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig)]
+    drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig), to_places]
     driven = [*drawn, asdict(config), maker_of(weights)]
     own = folder / _name(drawn)
     rows, missions = [], []
@@ -174,7 +190,7 @@ def evaluate(
 
         file = own / f"mission_{number:04d}.json"
         if not file.exists():
-            mission = here().ground.draw(seed, k, number, n_robots)
+            mission = here().ground.draw(seed, k, number, n_robots, to_places)
             write_file(file, json.dumps(mission.as_dict()).encode())
         mission = Mission.from_dict(json.loads(file.read_text()))
         missions.append(mission)

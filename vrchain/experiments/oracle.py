@@ -1,26 +1,30 @@
 """Eyes that cannot err: landmarks as truth has them, for the arm that missions are measured by."""
 
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.homing import HomeVector
 from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.common import CommonLandmark, Comparison
 from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.landmarks.joint import region_of
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.quality import Sights, shared
-from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sift import Features
-from vrchain.navigation.eyes import Eyes, GoalPictures, Look
+from vrchain.navigation.eyes import Eyes, Look, surface_m
+from vrchain.navigation.goal import GoalSight
+from vrchain.navigation.place_goal import ARRIVED_M, GoalPlace
 from vrchain.panorama import CameraRig
 from vrchain.robot import Observation
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
 _DIMENSIONS = 64
+_SAME, _ENOUGH = 0.99, 1000  # cosine of one thing with itself, and keypoints that prove it
 _CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
 _NONE = np.empty(0, dtype=np.int64)
 _NO_KEYPOINTS = Features(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 128), dtype=np.uint8))
@@ -45,9 +49,18 @@ class Oracle:
 
         return Eyes(examine, published, self.compare, _CALIBRATION)
 
-    def goal(self, name: str) -> GoalPictures:
+    def goal(self, name: str) -> "TrueGoal":
         """The goal, known by what it is."""
-        return GoalPictures(_embedding(name)[None], Goal(()), _CALIBRATION, by_looks=True)
+        return TrueGoal(_embedding(name))
+
+    def place(self, look: Look, eyes: Eyes) -> "TruePlace":
+        """The place that a look was taken from, as a goal."""
+        return TruePlace(look, eyes, self)
+
+    def bearing_and_range_m(self, a: Look, b: Look) -> tuple[float, float]:
+        """Where one look was taken, seen from the other."""
+        here, there = self._taken[id(a)][1], self._taken[id(b)][1]
+        return here.bearing_to_rad(there.xy_m), here.distance_to_m(there.xy_m)
 
     def compare(self, a: Look, b: Look) -> Comparison:
         """The landmarks that are truly co-visible, and the true relative pose."""
@@ -60,7 +73,7 @@ class Oracle:
             for look in (a, b):
                 p = look.proposals
                 alike = p.embedding @ _embedding(name)
-                if len(alike) and alike.max() > 0.99:
+                if len(alike) and alike.max() > _SAME:
                     regions.append(region_of(p, int(alike.argmax()), self.rig))
             if len(regions) == 2:
                 claims.append(CommonLandmark(1.0, regions[0], regions[1], _NONE, _NONE))
@@ -124,6 +137,44 @@ class Oracle:
         )  # fmt: skip
 
 
+@dataclass(frozen=True, eq=False)
+class TrueGoal:
+    """A goal that is never taken for anything else."""
+
+    embedding: NDArray[np.float32]
+
+    def find(
+        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+    ) -> GoalSight | None:
+        """The goal, if it is in view."""
+        p = look.proposals
+        alike = p.embedding @ self.embedding
+        if len(alike) == 0 or alike.max() <= _SAME:
+            return None
+        k = int(alike.argmax())
+        bearing, half_rad = float(p.box[k, :2].mean()), float(np.ptp(p.box[k, :2])) / 2
+        if near_rad is not None:
+            off_rad = abs(float(wrap_angle_rad(bearing - near_rad)))
+            if off_rad > half_rad + window_rad:
+                return None
+        return GoalSight(
+            float(wrap_angle_rad(bearing)), float(p.range_m[k]), surface_m(look, k), half_rad,
+            _ENOUGH, float(alike[k]), 1.0,
+        )  # fmt: skip
+
+
 def _embedding(name: str) -> NDArray[np.float32]:
     drawn = generator(0, "oracle", name).normal(size=_DIMENSIONS)
     return np.asarray(drawn / np.linalg.norm(drawn), dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class TruePlace(GoalPlace):
+    """A place to which homing never errs."""
+
+    oracle: Oracle
+
+    def homing(self, look: Look) -> HomeVector | None:
+        """The true way there."""
+        bearing_rad, range_m = self.oracle.bearing_and_range_m(look, self.look)
+        return HomeVector(bearing_rad, 0.0, _ENOUGH, range_m <= ARRIVED_M, range_m)

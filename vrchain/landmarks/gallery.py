@@ -37,7 +37,7 @@ Key = TypeVar("Key")
 
 # Log-odds that a panorama shows it: 1, looks, ten times how alike its spots are, log of its range
 # over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas of
-# seeds 1001 and 1002, the likeliest of each goal; three units stricter, as where nobody shows it none may.
+# seeds 1001 and 1002, the likeliest of each goal; three units stricter: nobody is an answer too.
 _BELIEF = np.array([-36.0, 1.66, 2.74, 0.56, 1.03, 1.9])
 _TYPICAL_M = 15.0
 _LOOKS, _SPOTS = 0.75, 18.2  # by which those are chosen that are looked at more closely

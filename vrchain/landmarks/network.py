@@ -12,11 +12,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from vrchain.landmarks.backbone import MEAN_RGB, SPREAD_RGB, Backbone
+from vrchain.landmarks.proposer import KINDS
 
-KINDS = (
-    "house", "shop", "barn", "tree", "bush", "hedge", "fence", "wall", "vehicle", "mailbox",
-    "lamp", "pole", "sign", "bin", "hydrant",
-)  # fmt: skip
 EMBEDDED = 64  # numbers that say what a landmark looks like
 LOCAL = 32  # numbers that say what a cell looks like, to find the same spot from elsewhere
 # channels of each answer: is it a landmark; how well its box fits; log of cells to the box's left,

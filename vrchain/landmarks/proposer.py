@@ -22,6 +22,10 @@ if TYPE_CHECKING:
 Array = NDArray[np.float64]
 Overlaps = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.floating]]
 
+KINDS = (
+    "house", "shop", "barn", "tree", "bush", "hedge", "fence", "wall", "vehicle", "mailbox",
+    "lamp", "pole", "sign", "bin", "hydrant",
+)  # fmt: skip
 BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0  # the network's units of a landmark's middle
 _LEAST_SCORE = 0.2
 _LEAST_LANDMARK = 0.5  # probability from which a cell belongs to a landmark
@@ -43,7 +47,7 @@ class Proposals:
     score: (n,) 0..1; box: (n, 4) bearing of its right and left edge, slope of its lower and upper
     edge; the left edge may lie beyond pi; bearing_rad, range_m: (n,) the middle of the thing
     itself on the map; bearing_std_rad, range_std: (n,) how unsure they are, the latter as a share
-    of the range; kind: (n,) index into ``network.KINDS``; embedding: (n, d) float32, unit vectors;
+    of the range; kind: (n,) index into ``KINDS``; embedding: (n, d) float32, unit vectors;
     cell, owner: (m,) cells of the picture, flat, and the proposal that each belongs to.
     """
 

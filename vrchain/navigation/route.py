@@ -4,7 +4,7 @@ The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of
 in front of the robot and every other robot's newest.
 """
 
-from collections.abc import Mapping, Set
+from collections.abc import Callable, Mapping, Set
 from dataclasses import dataclass, field
 from itertools import pairwise
 
@@ -13,13 +13,15 @@ import numpy as np
 from vrchain.errors import VRChainError
 from vrchain.landmarks.common import CommonLandmark, Comparison
 from vrchain.landmarks.index import LandmarkIndex
-from vrchain.navigation.eyes import GoalPictures, GoalSight, Look
+from vrchain.navigation.eyes import Look
+from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planner import Chain
-from vrchain.panorama import CameraRig
+from vrchain.navigation.stands import baseline_m
 
 _FAR_M = 80.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
+_LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _LEAST = 1e-300  # a chance is never nothing
 
 LandmarkKey = tuple[str, str, int]
@@ -90,22 +92,24 @@ def plan(
     current: Look,
     newest: Mapping[str, bytes],
     index: LandmarkIndex[Look],
-    goal: GoalPictures,
+    goal: KnownGoal,
     failed: Set[LandmarkKey] = frozenset(),
     doubted: Set[str] = frozenset(),
+    trust: Callable[[str, str, Comparison], float] = lambda a, b, found: 1.0,
     spares: int = 2,
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
     newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
-    doubted: robots whose sighting of the goal is not to be trusted. spares: how many more routes.
+    doubted: robots whose sighting of the goal is not to be trusted. trust: the chance that two
+    robots' panoramas were joined rightly. spares: how many more routes.
     """
     unreadable = tuple(name for name in sorted(newest) if not _readable(index, newest[name]))
     newest = {name: digest for name, digest in newest.items() if name not in unreadable}
     seen: dict[str, GoalSight] = {}
     for name, digest in newest.items():
         sighting = goal.find(index.look(digest))
-        if sighting is not None and sighting.chance > 0 and name not in doubted:
+        if sighting and sighting.chance >= _LEAST_SIGHT and name not in doubted:
             seen[name] = sighting
     names = [robot, *sorted(newest)]
     claims, compared = [], {}
@@ -117,9 +121,10 @@ def plan(
                 else index.compare(newest[a], newest[b])
             )
             compared[a, b] = found
-            baseline_m = _baseline_m(found, current.rig)
+            right = trust(a, b, found)
+            apart_m = baseline_m(found, current.rig) or _TYPICAL_BASELINE_M
             claims += [
-                Claim(a, b, common, max(worth(common, baseline_m), _LEAST))
+                Claim(a, b, common, max(right * worth(common, apart_m), _LEAST))
                 for common in found.common
                 if _key(a, b, common) not in failed
             ]
@@ -151,11 +156,6 @@ def worth(claim: CommonLandmark, baseline_m: float) -> float:
     if claim.ranges is None:
         return claim.score
     return claim.score * float(np.exp(-sum(claim.ranges) * baseline_m / _FAR_M))
-
-
-def _baseline_m(compared: Comparison, rig: CameraRig) -> float:
-    heights = compared.geometry.baseline_heights if compared.geometry else np.nan
-    return heights * rig.camera_height_m if np.isfinite(heights) else _TYPICAL_BASELINE_M
 
 
 def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:

@@ -1,0 +1,42 @@
+import numpy as np
+import pytest
+
+from navigation.plains import EYES, Plain, Thing, Walker
+from vrchain.geometry import Pose
+from vrchain.navigation.driving import Pilot
+from vrchain.navigation.exploring import Explorer
+from vrchain.navigation.terms import GaveUp, MissionConfig
+
+POST = Plain((Thing("post", (500.0, 0.0)),))
+
+
+def explored(n: int, config: MissionConfig, shut_in: bool = False) -> tuple[Pilot, list[str]]:
+    """Looks, n of them, each after a stretch of exploring; and what was logged."""
+    pilot, told = Pilot(Walker(POST, Pose(0.0, 0.0, 0.4), shut_in), EYES, config), []
+    explorer = Explorer(pilot, lambda what, why, look=None, **values: told.append(what))
+    for _ in range(n):
+        pilot.look_around()
+        explorer.drive_on()
+    return pilot, told
+
+
+def test_it_goes_where_it_has_not_looked() -> None:
+    config = MissionConfig(explore_m=20.0)
+    pilot, told = explored(12, config)
+    looked = np.array(pilot.looked)
+    assert told and set(told) == {"explore"}
+    steps_m = np.hypot(*np.diff(looked, axis=0).T)
+    assert steps_m.max() <= config.look_every_m + 1.5
+    apart_m = np.hypot(*(looked[:, None] - looked[:-3]).transpose(2, 0, 1))
+    late = [apart_m[k, : k - 3].min() for k in range(4, len(looked))]
+    assert min(late) > 15.0  # it does not come back to where it was
+
+
+def test_shut_in_there_is_nowhere_left_to_look() -> None:
+    with pytest.raises(GaveUp, match="nowhere left to look"):
+        explored(200, MissionConfig(limit_s=1e6), shut_in=True)
+
+
+def test_time_runs_out_on_the_way() -> None:
+    with pytest.raises(GaveUp, match="out of time after 30 s"):
+        explored(20, MissionConfig(limit_s=30.0))

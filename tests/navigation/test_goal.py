@@ -1,0 +1,76 @@
+from dataclasses import replace
+
+import pytest
+
+from navigation.plains import CALIBRATION, Plain, Thing
+from vrchain.geometry import Pose
+from vrchain.landmarks.recognition import Goal
+from vrchain.landmarks.sought import sought
+from vrchain.landmarks.spots import NO_SPOTS
+from vrchain.navigation.goal import FoundOnce, GoalPictures
+
+HERE = Pose(0.0, 0.0, 0.3)
+PLAIN = Plain(
+    (
+        Thing("goal", (12.0, 3.0)),
+        Thing("other", (10.0, -6.0)),
+        Thing("double", (-9.0, 5.0), looks="goal", share=0.2),
+    )
+)
+GOAL = PLAIN.goal("goal", 3.4, 1.8, -2.0, 0.2)
+
+
+def test_the_goal_is_found_where_it_is() -> None:
+    sight = GOAL.find(PLAIN.look(HERE))
+    assert sight is not None and sight.chance > 0.95 and sight.n_matches > 30
+    assert sight.bearing_rad == pytest.approx(HERE.bearing_to_rad((12.0, 3.0)), abs=0.03)
+    assert sight.range_m == pytest.approx(HERE.distance_to_m((12.0, 3.0)), abs=0.1)
+    assert sight.surface_m == pytest.approx(sight.range_m - 1.5, abs=0.3)
+
+
+def test_a_double_and_what_looks_otherwise_are_less_likely() -> None:
+    true = GOAL.find(PLAIN.look(HERE))
+    double = GOAL.find(PLAIN.look(HERE), HERE.bearing_to_rad((-9.0, 5.0)), 0.2)
+    other = GOAL.find(PLAIN.look(HERE), HERE.bearing_to_rad((10.0, -6.0)), 0.2)
+    assert true and double and other
+    assert true.chance > double.chance > other.chance
+    assert other.chance < 0.05
+
+
+def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
+    look = PLAIN.look(HERE)
+    assert GOAL.find(look, HERE.bearing_to_rad((0.0, -10.0)), 0.1) is None
+    empty = Plain((Thing("gone", (5.0, 0.0), visible_from=lambda pose: False),)).look(HERE)
+    assert GOAL.find(empty) is None
+    assert GoalPictures(sought([]), Goal(()), CALIBRATION).find(look) is None
+
+
+def test_without_spots_and_keypoints_looks_alone_prove_nothing() -> None:
+    look = replace(PLAIN.look(HERE), spots=NO_SPOTS)
+    bare = replace(GOAL, keypoints=Goal(()))
+    sight = bare.find(look)
+    assert sight is not None and sight.n_matches == 0 and sight.chance < 0.1
+
+
+def test_a_size_grows_as_the_goal_is_neared() -> None:
+    far, near = (GOAL.find(PLAIN.look(Pose(x, 3.0))) for x in (0.0, 4.0))
+    assert far and near
+    both = far.sizes.keys() & near.sizes.keys()
+    assert both
+    for k in both:  # 12 m away, then 8 m
+        assert near.sizes[k] / far.sizes[k] == pytest.approx(1.5, rel=0.2)
+
+
+def test_it_is_looked_for_once_in_a_look_but_each_time_in_a_window() -> None:
+    asked = []
+
+    class Asked:
+        def find(self, look, near_rad=None, window_rad=0.4):
+            asked.append(near_rad)
+            return GOAL.find(look, near_rad, window_rad)
+
+    look, goal = PLAIN.look(HERE), FoundOnce(Asked())
+    assert goal.find(look) is goal.find(look) is not None
+    goal.find(look, 0.1)
+    goal.find(PLAIN.look(HERE))
+    assert asked == [None, 0.1, None]

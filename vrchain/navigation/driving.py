@@ -1,0 +1,93 @@
+"""Driving and looking: to a place by odometry, around what the range ring shows."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.navigation.eyes import Eyes, Look
+from vrchain.navigation.places import Place
+from vrchain.navigation.terms import Body, GaveUp, MissionConfig
+from vrchain.navigation.ways import Ways
+from vrchain.panorama import Panorama
+from vrchain.robot import Observation, steer
+
+Array = NDArray[np.float64]
+
+_TICKS = 3  # of steering between two looks for a way
+_SLOW_M_S = 0.4  # an approach that is slower leads astray
+
+
+class Pilot:
+    """A robot's body and eyes, what it has met and looked at, and its clock.
+
+    now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
+    looked: where they were taken, in the odometry's frame.
+    """
+
+    def __init__(self, body: Body, eyes: Eyes, config: MissionConfig) -> None:
+        self.body, self.eyes, self.config = body, eyes, config
+        self.ways = Ways()
+        self.looks: list[Panorama] = []
+        self.looked: list[Array] = []
+        self.now: Observation = body.observe()
+        self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
+
+    @property
+    def here(self) -> Pose:
+        """By odometry."""
+        return self.now.odometry
+
+    def look_around(self) -> Look:
+        """A look all around, which is kept as evidence."""
+        self.now = self.body.observe(look=True)
+        assert self.now.panorama is not None
+        self.looks.append(self.now.panorama)
+        self.looked.append(self.here.xy_m)
+        return self.eyes.examine(self.now)
+
+    def glance(self, bearing_rad: float) -> Look:
+        """What one camera shows around a bearing."""
+        self.now = self.body.observe(towards_rad=bearing_rad)
+        return self.eyes.examine(self.now)
+
+    def ahead_m(self, bearing_rad: float, half_width_rad: float = 0.1) -> float:
+        """What the range ring shows around a bearing."""
+        return range_along_m(self.now.range_ring_m, bearing_rad, half_width_rad)
+
+    def until_ns(self, place: Place) -> int:
+        """When an approach to a place has taken too long."""
+        limit_s = self.config.leg_limit_s + place.range_m(self.here) / _SLOW_M_S
+        return self.now.time_ns + int(limit_s * 1e9)
+
+    def stretch(self, xy_m: Array, within_m: float, way_m: float) -> float | None:
+        """Drive some way towards a place, around what is in the way; None: it gets no nearer.
+
+        GaveUp when the mission's time is over.
+        """
+        started_ns, driven_m, previous = self.now.time_ns, 0.0, self.here
+        while driven_m < way_m:
+            self.ways.note(self.here, self.now.range_ring_m)
+            course = self.ways.course_rad(self.here, xy_m, within_m)
+            if course is None:
+                return driven_m if driven_m > 0.2 else None
+            if self.now.time_ns - started_ns > self.config.stuck_after_s * 1e9:
+                self.ways.block(self.here, course)
+                return None
+            for _ in range(_TICKS):
+                if self.now.time_ns > self._deadline_ns:
+                    raise GaveUp(f"out of time after {self.config.limit_s:g} s")
+                wanted = float(wrap_angle_rad(course - self.here.yaw_rad))
+                self.body.drive(steer(wanted, self.now.range_ring_m), self.config.tick_s)
+                self.now = self.body.observe()
+                driven_m += previous.distance_to_m(self.here.xy_m)
+                previous = self.here
+        return driven_m
+
+
+def range_along_m(
+    range_ring_m: NDArray[np.float64], bearing_rad: float, half_width_rad: float = 0.1
+) -> float:
+    """The shortest reading of a range ring within ``half_width_rad`` of a bearing."""
+    beams = 2 * np.pi * np.arange(len(range_ring_m)) / len(range_ring_m)
+    near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad
+    return float(range_ring_m[near].min()) if near.any() else float("inf")

@@ -1,0 +1,90 @@
+"""Where a route's landmarks and the goal should be, in the frame of the robot's odometry."""
+
+from collections.abc import Mapping, Sequence
+from itertools import pairwise
+
+import numpy as np
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.calibration import Calibration
+from vrchain.landmarks.common import Comparison, Region
+from vrchain.landmarks.proposer import Proposals
+from vrchain.navigation.eyes import Look
+from vrchain.navigation.places import Place, sighted
+from vrchain.navigation.route import Route
+from vrchain.navigation.stands import baseline_m, stand_of
+from vrchain.navigation.tracker import Tracker
+
+_FARTHEST_M = 80.0  # from farther away nothing is driven to
+_STAND_DOUBT = 0.15  # of the distance to where another panorama was taken, as a share
+_SAME_RAD = 0.1  # between a claim's region and its proposal
+
+
+def targets(
+    route: Route,
+    looks: Sequence[Look],
+    compared: Mapping[tuple[str, str], Comparison],
+    here: Pose,
+    calibration: Calibration,
+) -> tuple[list[Tracker], Place | None]:
+    """The route's landmarks, as many as the panoramas tell of, and the goal, if they tell.
+
+    looks: of each robot of the route, the driving one first; compared: what each two of the plan's
+    panoramas have in common.
+    """
+    stands: list[Pose | None] = [here]
+    rig = looks[0].rig
+    for a, b in pairwise(route.robots):
+        between, back = _asked(a, b, compared)
+        stand = stands[-1]
+        stands.append(None if stand is None else stand_of(stand, between, rig, back))
+    found = []
+    for i, leg in enumerate(route.legs):
+        ranges = leg.landmark.ranges or (None, None)
+        between, _ = _asked(leg.seen_by, leg.next_by, compared)
+        apart_m = baseline_m(between, rig)
+        places, embedding = [], []
+        for region, share, seen, stand in zip(
+            (leg.landmark.a, leg.landmark.b), ranges, looks[i : i + 2], stands[i : i + 2],
+            strict=True,
+        ):  # fmt: skip
+            k, p = proposal_of(seen.proposals, region), seen.proposals
+            if k is not None:
+                embedding.append(p.embedding[k])
+            range_m = float(p.range_m[k]) if k is not None else np.inf
+            if k is None and share is not None and apart_m is not None:
+                range_m = share * apart_m
+            if stand is not None and range_m < _FARTHEST_M:
+                off_m = _STAND_DOUBT * stand.distance_to_m(here.xy_m)
+                place = sighted(stand, region.bearing_rad or 0.0, range_m)
+                places.append(place.unsure(off_m))
+        if not places:
+            break
+        place = places[0] if i == 0 or len(places) == 1 else places[0].with_sight(places[1])
+        seen_as = np.stack(embedding) if embedding else np.empty((0, 0), dtype=np.float32)
+        found.append(Tracker(place, seen_as, calibration))
+    last, goal = stands[-1], None
+    if last is not None:
+        goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)
+        goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
+    return found, goal
+
+
+def _asked(
+    a: str, b: str, compared: Mapping[tuple[str, str], Comparison]
+) -> tuple[Comparison, bool]:
+    """What two panoramas have in common, and whether it was asked the other way round."""
+    if (a, b) in compared:
+        return compared[a, b], False
+    return compared[b, a], True
+
+
+def proposal_of(proposals: Proposals, region: Region) -> int | None:
+    """The proposal that a claim's region is of, or None."""
+    box = proposals.box
+    middle, width = (box[:, 0] + box[:, 1]) / 2, box[:, 1] - box[:, 0]
+    off = np.abs(wrap_angle_rad(middle - (region.bearing_rad or 0.0)))
+    off = off + 0.5 * np.abs(width - (region.angular_size_rad or 0.0))
+    if len(off) == 0 or off.min() > _SAME_RAD:
+        return None
+    return int(off.argmin())

@@ -1,0 +1,63 @@
+"""What a mission is driven on: a robot's body, the settings, decisions as they are logged."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from vrchain.robot import Drive, Observation
+
+
+class Body(Protocol):
+    """What a mission needs of a robot: its senses and its wheels."""
+
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
+        """What it senses now, with a panorama if it looks, or one camera's view."""
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        """Drive so for a while."""
+
+
+@dataclass(frozen=True)
+class MissionConfig:
+    """How a mission is driven."""
+
+    approach_m: float = 3.0  # a landmark is reached at this range, so that it hides no other
+    arrival_m: float = 1.5  # the goal is reached at this range
+    glance_every_m: float = 2.5  # of way: a view of what is driven to
+    look_every_m: float = 12.0  # of way: a look around
+    sees_m: float = 35.0  # from farther away a glance at the goal tells nothing
+    tick_s: float = 0.3  # between two steering commands
+    sure_chance: float = 0.9  # that a sight is of the goal, and
+    sure_matches: int = 15  # keypoints that agree with one of its pictures, to claim arrival
+    likely: float = 0.5  # chance of a sight from which nothing else is tried first
+    least_chance: float = 0.1  # of a sight that is kept in mind
+    least_score: float = 0.15  # of a route that is worth driving
+    explores: bool = True  # whether it goes and looks elsewhere where no route leads on
+    explore_m: float = 26.0  # from all places where it has looked around
+    chance_per_m: float = 0.006  # of finding the goal by exploring: a detour is to be worth more
+    stuck_after_s: float = 15.0  # without half a metre of headway
+    leg_limit_s: float = 60.0  # for one approach, beside the way; what takes longer leads astray
+    limit_s: float = 600.0
+    max_looks: int = 200
+
+
+@dataclass(frozen=True)
+class Decision:
+    """One line of the log. look: index of the panorama it rested on, in ``MissionResult.looks``."""
+
+    time_s: float
+    what: str
+    why: str
+    look: int | None = None
+    values: Mapping[str, Any] = field(default_factory=dict)
+
+
+class GaveUp(Exception):
+    """Ends a mission; the text is the reason."""
+
+
+class Log(Protocol):
+    """Takes down a decision, now."""
+
+    def __call__(self, what: str, why: str, look: int | None = None, **values: Any) -> None:
+        """Fields of ``Decision``."""
