@@ -38,7 +38,7 @@ def proposals_figure(panorama: Panorama, found: Proposals, most: int = 40) -> Fi
             y0, y1 = rig.row_of_slope(np.array([high, low]))
             kind = KINDS[found.kind[i]]
             colour = CLAIM_COLOURS[int(found.kind[i]) % len(CLAIM_COLOURS)]
-            for shift in (-image.shape[1], 0):  # a box may cross the seam
+            for shift in image.shape[1] * np.arange(-1, 2):  # a box may cross the seam
                 axes.add_patch(
                     Rectangle((x0 + shift, y0), x1 - x0, y1 - y0, fill=False, ec=colour, lw=1.3)
                 )
