@@ -1,4 +1,4 @@
-"""How well two robots agree on a landmark, over the distance between them."""
+"""Common landmarks over the distance between two robots: how many, how right, how well placed."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -9,10 +9,10 @@ from vrchain.plots.scripts import run_script
 
 
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
-    """Every claim of the random pairs, and what they come to."""
-    claims, bands = (results.table("landmarks", name) for name in ("pairs", "pairs_summary"))
-    note = f"Random pairs of free places in the suburb, {rig_text(results.profile.fine_rig)}."
-    return landmark_quality_figure(claims, bands, note), claims
+    """What the claims of random pairs of places come to, by variant."""
+    bands = results.table("landmarks", "pairs_summary")
+    note = f"Random pairs of free places in {bands.suburbs.max()} suburbs"
+    return landmark_quality_figure(bands, f"{note}, {rig_text(results.profile.fine_rig)}."), bands
 
 
 if __name__ == "__main__":

@@ -13,6 +13,7 @@ from worlds import in_two_processes, walled, world, yard
 
 from vrchain.errors import MissionError
 from vrchain.experiments import reproduction
+from vrchain.experiments.landmark_bands import VARIANTS
 from vrchain.experiments.latency import RETRIEVALS, STAGES
 from vrchain.experiments.reproduction import reproduce
 from vrchain.experiments.results import (
@@ -92,13 +93,23 @@ def test_retrieval_has_every_way_for_every_number_of_positions(results: Results)
 
 
 def test_landmarks_count_every_pair(results: Results) -> None:
-    pairs = results.table("landmarks", "pairs")
-    for (low_m, high_m), (_, rows) in zip(
-        results.profile.bands_m, pairs.groupby("band_m", sort=False), strict=True
+    profile = results.profile
+    pairs, claims, summary = (
+        results.table("landmarks", name) for name in ("pairs_drawn", "pairs", "pairs_summary")
+    )
+    for (low_m, high_m), (band_m, rows) in zip(
+        profile.bands_m, pairs.groupby("band_m", sort=False), strict=True
     ):
-        assert rows.pair.nunique() == results.profile.pairs_a_band
-        assert rows.spacing_m.between(low_m, high_m).all()
-    assert pairs.score.notna().any() and pairs.right.eq(True).any()
+        assert band_m == f"{low_m:g}-{high_m:g}" and rows.spacing_m.between(low_m, high_m).all()
+        assert list(rows.variant.value_counts()) == [profile.pairs_a_band] * len(VARIANTS)
+    assert list(zip(summary.band_m, summary.variant, strict=True)) == [
+        (band_m, variant) for band_m in pairs.band_m.unique() for variant in VARIANTS
+    ]
+    assert (summary.n_pairs == profile.pairs_a_band).all()
+    assert set(claims.variant) == set(VARIANTS) and claims.right.any()
+    (line,) = [line for line in SAID if line.startswith("landmarks")]
+    assert all(f" {variant} " in line for variant in VARIANTS) and "precision and recall" in line
+    assert {p.suffix for p in results.path("landmarks", "").iterdir()} == {".csv", ".json"}
     assert list(results.qualities().positions) == [4, 8, 12]
     assert (results.qualities().n_pairs <= results.profile.survey_pairs).all()
 

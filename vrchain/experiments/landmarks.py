@@ -5,15 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 import pandas as pd
-from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import MatchConfig, compare
 from vrchain.landmarks.quality import co_visible, judge
-from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
-from vrchain.render import Renderer
 from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
@@ -21,27 +19,6 @@ from vrchain.truth import GroundTruth
 _PAIR = ["pair", "spacing_m", "co_visible"]
 _CLAIM = ["score", "right", "duplicate", "twin", "quality_m", "support", "object"]
 _COLUMNS = [*_PAIR, *_CLAIM]
-
-
-def landmark_pairs(
-    scene: Scene,
-    n_pairs: int,
-    spacing_m: tuple[float, float],
-    *,
-    seed: int,
-    rig: CameraRig | None = None,
-    config: MatchConfig | None = None,
-) -> pd.DataFrame:
-    """Claims of common landmarks for random pairs of poses: see ``claims_of``."""
-    rig = rig or CameraRig()
-    renderer = Renderer(scene)
-    looks = (
-        (Look(a, extract(renderer.render(a, rig))), Look(b, extract(renderer.render(b, rig))))
-        for a, b in draw_pairs(scene, n_pairs, spacing_m, seed)
-    )
-    return claims_of(
-        tqdm(looks, total=n_pairs, desc="pairs", unit="", disable=None), scene, rig, config
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +73,7 @@ def claims_of(
 
 
 def summarise(claims: pd.DataFrame) -> dict[str, float]:
-    """pair_success, precision, recall and quality of ``landmark_pairs``'s table.
+    """pair_success, precision, recall and quality of ``claims_of``'s table.
 
     A second claim on one object pair is a duplicate and counts for nothing.
     """

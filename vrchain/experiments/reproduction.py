@@ -15,16 +15,18 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments import landmarks, latency, mission, survey
+from vrchain.experiments import landmark_bands, landmarks, latency, mission, survey
 from vrchain.experiments.results import (
     MARKER,
     ROBOTS,
+    SCENE,
     Profile,
     ReproductionError,
     Results,
     rig_text,
     suburb,
 )
+from vrchain.experiments.scenes import suburbs
 from vrchain.files import output_folder
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
@@ -32,6 +34,7 @@ from vrchain.landmarks.sift import extract
 from vrchain.ledger import Ledger
 from vrchain.panorama import Panorama
 from vrchain.render import Renderer
+from vrchain.scene import load_spec
 
 Stage = Callable[[Results, Path], str]
 """Writes a stage's results into a folder; says in a line what it did."""
@@ -86,7 +89,7 @@ def run_retrieval(results: Results, folder: Path) -> str:
 
 
 def run_landmarks(results: Results, folder: Path) -> str:
-    """How good common landmarks are: between R1's and R2's panoramas, and over distance."""
+    """How good common landmarks are: between R1's and R2's panoramas; over distance, by variant."""
     profile = results.profile
     surveyed, payloads = _surveyed(results)
     summaries = []
@@ -96,18 +99,25 @@ def run_landmarks(results: Results, folder: Path) -> str:
         claims.to_csv(folder / f"survey_{n}.csv", index=False)
         summaries.append({"positions": n, **landmarks.summarise(claims)})
     pd.DataFrame(summaries).to_csv(folder / "survey_summary.csv", index=False)
-    tables = []
-    for low_m, high_m in profile.bands_m:
-        claims = landmarks.landmark_pairs(
-            suburb(), profile.pairs_a_band, (low_m, high_m), seed=profile.seed, rig=profile.fine_rig
-        )
-        claims.insert(0, "band_m", f"{low_m:g}-{high_m:g}")
-        tables.append(claims)
-    pd.concat(tables).to_csv(folder / "pairs.csv", index=False)
-    rows = [{"band_m": t.band_m[0], **landmarks.summarise(t)} for t in tables]
-    pd.DataFrame(rows).to_csv(folder / "pairs_summary.csv", index=False)
-    shown = ", ".join(f"{r['precision']:.2f} at {r['band_m']} m" for r in rows)
-    return f"precision {shown}, {profile.pairs_a_band} random pairs each"
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        claims, pairs = landmark_bands.over_distance(
+            suburbs(load_spec(SCENE)), profile.pairs_a_band, profile.bands_m,
+            seed=profile.seed, folder=Path(scratch), rig=profile.fine_rig,
+        )  # fmt: skip
+    found = landmark_bands.by_band(claims, pairs)
+    tables = {"pairs": claims, "pairs_drawn": pairs, "pairs_summary": found}
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+    shown = "; ".join(
+        f"{variant} {_listed(rows.precision)} and {_listed(rows.recall)}"
+        for variant, rows in found.groupby("variant", sort=False)
+    )
+    bands = ", ".join(found.band_m.unique())
+    return f"precision and recall {bands} m apart, {profile.pairs_a_band} pairs each: {shown}"
+
+
+def _listed(shares: pd.Series) -> str:
+    return " ".join("-" if np.isnan(share) else f"{share:.2f}" for share in shares)
 
 
 def run_mission(

@@ -40,8 +40,8 @@ class Profile:
     seed: int = 10_000
     positions: tuple[int, ...] = (40, 200, 500)
     missions: int = 1
-    pairs_a_band: int = 8  # random pairs of places
-    bands_m: tuple[tuple[float, float], ...] = ((5.0, 10.0), (10.0, 20.0))
+    pairs_a_band: int = 10  # random pairs of places
+    bands_m: tuple[tuple[float, float], ...] = ((1.0, 10.0), (10.0, 20.0), (20.0, 40.0))
     survey_pairs: int = 12  # at most, of R1's and R2's panoramas, for each number of positions
     retrieval_samples: int = 30
     vision_samples: int = 5
@@ -63,7 +63,16 @@ PROFILES = {
             vision_samples=20,
         ),
         Profile(
-            "smoke", _TINY, _SMALL, _TINY, 3_000, (4, 8, 12), 1, 2, survey_pairs=2, vision_samples=1
+            "smoke",
+            _TINY,
+            _SMALL,
+            _TINY,
+            3_000,
+            (4, 8, 12),
+            pairs_a_band=2,
+            bands_m=((1.0, 10.0),),
+            survey_pairs=2,
+            vision_samples=1,
         ),
     )
 }

@@ -1,0 +1,21 @@
+"""Precision against recall of common landmarks, as the threshold for a claim moves."""
+
+import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.experiments.landmark_bands import precision_recall
+from vrchain.experiments.results import Results
+from vrchain.plots.quality import precision_recall_figure
+from vrchain.plots.scripts import run_script
+
+
+def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+    """A line for each variant, a panel for each band of distances."""
+    claims, pairs = (results.table("landmarks", name) for name in ("pairs", "pairs_drawn"))
+    curves = precision_recall(claims, pairs)
+    note = f"{results.profile.pairs_a_band} random pairs of places in each band."
+    return precision_recall_figure(curves, note), curves
+
+
+if __name__ == "__main__":
+    run_script(__file__, draw)

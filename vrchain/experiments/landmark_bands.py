@@ -1,0 +1,125 @@
+"""Common landmarks over the distance between two robots, by variant."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from vrchain.experiments.landmark_evaluation import evaluate, row
+from vrchain.experiments.landmark_scores import summarise
+from vrchain.experiments.scenes import Scenes
+from vrchain.landmarks.variants import DEFAULT
+from vrchain.panorama import CameraRig
+
+VARIANTS = ("sift", "cnn", DEFAULT)
+_QUARTILES = {"quality_m_q25": 0.25, "quality_m_q75": 0.75}
+_GROUP = ["band_m", "variant"]
+
+
+def over_distance(
+    scenes: Scenes,
+    n_pairs: int,
+    bands_m: Sequence[tuple[float, float]],
+    *,
+    seed: int,
+    folder: Path,
+    rig: CameraRig,
+    variants: Sequence[str] = VARIANTS,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Claims and pairs of ``landmark_evaluation.evaluate``, with a column band_m ("1-10").
+
+    n_pairs: in each band of spacings ``bands_m`` (metres), in the same suburbs in all of them.
+    """
+    scenes = replace(scenes, scene=cache(scenes.scene))
+    rows = [row(name) for name in variants]
+    claims: list[pd.DataFrame] = []
+    pairs: list[pd.DataFrame] = []
+    for low_m, high_m in bands_m:
+        found = evaluate(scenes, n_pairs, (low_m, high_m), rows, seed=seed, folder=folder, rig=rig)
+        for tables, table in zip((claims, pairs), found, strict=True):
+            tables.append(table.assign(band_m=f"{low_m:g}-{high_m:g}"))
+    return pd.concat(claims, ignore_index=True), pd.concat(pairs, ignore_index=True)
+
+
+def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
+    """What the tables of ``over_distance`` come to at each variant's own threshold.
+
+    One row a band and variant: band_m, variant, suburbs, landmarks_a_pair (co-visible ones),
+    right_a_pair and wrong_a_pair (claims, no duplicates), the figures of
+    ``landmark_scores.summarise``, 95 % intervals as NAME_low and NAME_high (NaN with a single
+    suburb: there is nothing to draw from), and the quartiles quality_m_q25 and quality_m_q75.
+    """
+    rows: list[dict[str, object]] = []
+    for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
+        own = _of(claims, band_m, variant)
+        (figures,) = summarise(own, drawn).values()
+        made = own[(own.score >= drawn.claimed.iloc[0]) & ~own.duplicate]
+        suburbs = drawn.suburb.nunique()
+        rows.append(
+            {
+                "band_m": band_m,
+                "variant": variant,
+                "suburbs": suburbs,
+                "landmarks_a_pair": drawn.co_visible.mean(),
+                "right_a_pair": made.right.sum() / len(drawn),
+                "wrong_a_pair": (~made.right).sum() / len(drawn),
+                **_flat(figures, suburbs > 1),
+                **{name: made.quality_m.quantile(q) for name, q in _QUARTILES.items()},
+            }
+        )
+    return pd.DataFrame(rows)
+
+
+def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
+    """Precision and recall of the tables of ``over_distance`` at every threshold.
+
+    One row a band, variant and threshold, in falling order: band_m, variant, threshold, precision,
+    recall, and in_use: whether these are the claims that the variant makes by its own threshold.
+    A second claim on the same two objects counts for nothing.
+    """
+    tables = []
+    for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
+        own = _of(claims, band_m, variant)
+        counts = (
+            own[~own.duplicate]
+            .groupby("score")
+            .agg(n=("right", "size"), right=("right", "sum"), shared=("shared", "sum"))
+        )  # claims of one score stand or fall together
+        sums = counts.sort_index(ascending=False).cumsum()
+        table = pd.DataFrame(
+            {
+                "band_m": band_m,
+                "variant": variant,
+                "threshold": sums.index,
+                "precision": (sums.right / sums.n).to_numpy(),
+                "recall": sums.shared.to_numpy() / max(1, drawn.co_visible.sum()),
+            }
+        )
+        counted = table.threshold >= drawn.claimed.iloc[0]
+        tables.append(table.assign(in_use=counted & ~counted.shift(-1, fill_value=False)))
+    return pd.concat(tables, ignore_index=True)
+
+
+def _of(claims: pd.DataFrame, band_m: object, variant: object) -> pd.DataFrame:
+    own = claims[(claims.band_m == band_m) & (claims.variant == variant)]
+    return own.astype({"right": bool, "shared": bool, "duplicate": bool, "twin": bool})
+
+
+def _flat(figures: Mapping[str, object], intervals: bool) -> dict[str, object]:
+    flat: dict[str, object] = {}
+    for name, value in figures.items():
+        if name.endswith("_ci"):
+            ends = value if intervals and isinstance(value, list) else (np.nan, np.nan)
+            flat |= dict(zip((f"{name[:-3]}_low", f"{name[:-3]}_high"), ends, strict=True))
+        elif isinstance(value, dict):
+            flat |= {f"{name}_{key}": _or_nan(one) for key, one in value.items()}
+        else:
+            flat[name] = _or_nan(value)
+    return flat
+
+
+def _or_nan(value: object) -> object:
+    return np.nan if value is None else value
