@@ -11,8 +11,10 @@ from vrchain.plots.scripts import run_script
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
     """What the claims of random pairs of places come to, by variant."""
     bands = results.table("landmarks", "pairs_summary")
-    note = f"Random pairs of free places in {bands.suburbs.max()} suburbs"
-    return landmark_quality_figure(bands, f"{note}, {rig_text(results.profile.fine_rig)}."), bands
+    suburbs = bands.suburbs.max()
+    where = f"{suburbs} suburbs (lines: 95 % intervals over them)" if suburbs > 1 else "one suburb"
+    note = f"Random pairs of free places in {where}, {rig_text(results.profile.fine_rig)}."
+    return landmark_quality_figure(bands, note), bands
 
 
 if __name__ == "__main__":
