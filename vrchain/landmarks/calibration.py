@@ -48,6 +48,10 @@ class Calibration:
     alike_even: float
     claims: dict[str, Logistic]
 
+    def looks(self, cosine: NDArray[np.floating]) -> Array:
+        """Log-likelihood ratio of being the same landmark, by looks alone, of cosines."""
+        return np.asarray(self.alike_scale * (cosine.astype(float) - self.alike_even))
+
 
 def fit(features: Array, right: NDArray[np.bool_]) -> Logistic:
     """What explains best which claims, (n, features), were right, (n,)."""

@@ -27,7 +27,7 @@ from vrchain.landmarks.recognition import (
 )
 from vrchain.landmarks.record import LandmarkRecord, decode_record, examine, maker_of
 from vrchain.landmarks.sift import Features
-from vrchain.landmarks.sought import Sought
+from vrchain.landmarks.sought import Sought, depth, worth_of
 from vrchain.landmarks.spots import ONE
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import Panorama
@@ -39,8 +39,6 @@ Key = TypeVar("Key")
 # over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas of
 # seeds 1001 and 1002, the likeliest of each goal; three units stricter: nobody is an answer too.
 _BELIEF = np.array([-36.0, 1.66, 2.74, 0.56, 1.03, 1.9])
-_TYPICAL_M = 15.0
-_LOOKS, _SPOTS = 0.75, 18.2  # by which those are chosen that are looked at more closely
 _AMONG = 10  # proposals of a panorama, the most alike, whose spots are compared
 _SHORT = 40  # panoramas looked at more closely
 
@@ -65,8 +63,7 @@ class Gallery(Generic[Key]):
         found = np.zeros(len(self.records))
         if len(self.owner) == 0 or len(embedding) == 0:
             return found
-        cosine = (embedding @ self.embedding.T).astype(float)
-        looks = calibration.alike_scale * (cosine - calibration.alike_even)
+        looks = calibration.looks(embedding @ self.embedding.T)
         begins = np.flatnonzero(np.r_[True, np.diff(self.owner) > 0])
         best = np.maximum.reduceat(looks, begins, axis=1)
         found[self.owner[begins]] = np.logaddexp(0.0, best).sum(axis=0)
@@ -139,8 +136,8 @@ class Seen(Generic[Key]):
     def features(self) -> Array:
         """What speaks for it, (6,)."""
         counts = [s.n_matches if s else 0 for s in (self.sighting, self.spotted)]
-        depth = np.log(np.clip(self.range_m, 1.0, 100.0) / _TYPICAL_M)
-        return np.array([1.0, self.looks, 10 * self.alike, depth, *np.log1p(counts)])
+        signs = [1.0, self.looks, 10 * self.alike, depth(self.range_m), *np.log1p(counts)]
+        return np.array(signs)
 
     @property
     def belief(self) -> float:
@@ -164,7 +161,7 @@ def who_sees(
         chosen = np.zeros(len(own), dtype=bool)
         chosen[np.argsort(-own, kind="stable")[:_AMONG]] = True
         alike = what.alike(record.proposals, record.spots.take(chosen[record.spots.owner]))
-        worth = np.where(chosen, _LOOKS * own + _SPOTS * alike, -np.inf)
+        worth = np.where(chosen, worth_of(own, alike), -np.inf)
         k = int(worth.argmax())
         likely.append((float(worth[k]), n, k, float(alike[k])))
     likely.sort(key=lambda found: (-found[0], found[1]))

@@ -123,8 +123,7 @@ def candidates(
     """What may be claimed of two panoramas, before it is scored; None: nothing."""
     looks = np.zeros((len(a.proposals), len(b.proposals)))
     if config.embedding:
-        alike = (a.proposals.embedding @ b.proposals.embedding.T).astype(float)
-        looks = calibration.alike_scale * (alike - calibration.alike_even)
+        looks = calibration.looks(a.proposals.embedding @ b.proposals.embedding.T)
     anywhere = np.zeros(looks.shape)
     joined: Constellation | None = by_looks(looks)
     geometry = exact = None

@@ -18,7 +18,7 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.proposer import Proposals, propose
 from vrchain.landmarks.raster import CELL_PX, ROWS, cell_slopes, columns_of
 from vrchain.landmarks.sift import Features, extract
-from vrchain.landmarks.spots import NO_SPOTS, Spots, described, descriptors_of, spots_of
+from vrchain.landmarks.spots import NO_SPOTS, Spots, described, descriptors_of, ranks, spots_of
 from vrchain.landmarks.weights import SHIPPED, load_network, weights_digest
 from vrchain.panorama import CameraRig, Panorama
 
@@ -93,10 +93,8 @@ def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> N
 def _kept(found: Features, proposals: Proposals, rig: CameraRig, config: RecordConfig) -> Features:
     owner = owners(rig, proposals, found)
     largest_first = np.argsort(-found.size_rad, kind="stable")
-    by_owner = largest_first[np.argsort(owner[largest_first], kind="stable")]
-    begins = np.searchsorted(owner[by_owner], owner[by_owner])
     rank = np.empty(len(found), dtype=np.int64)
-    rank[by_owner] = np.arange(len(found)) - begins
+    rank[largest_first] = ranks(owner[largest_first])
     outside = largest_first[owner[largest_first] < 0][: int(config.keypoints * config.outside)]
     own = np.flatnonzero((owner >= 0) & (rank < config.each))
     within = own[np.argsort(rank[own], kind="stable")][: config.keypoints - len(outside)]

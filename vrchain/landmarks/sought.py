@@ -14,6 +14,8 @@ from vrchain.landmarks.spots import Spots
 Array = NDArray[np.float64]
 
 _MIDDLE_SLOPE = 0.1  # what a picture shows reaches to its middle, give or take this
+_LOOKS, _SPOTS = 0.75, 18.2  # of a proposal's worth
+_TYPICAL_M = 15.0
 _HEIGHT, _HEIGHT_M = 0.35, 0.5  # by how much heights above the camera may differ: share, metres
 
 
@@ -34,8 +36,7 @@ class Sought:
         """Log-likelihood ratio of being it, by looks as a whole, for proposals (n, d): (n,)."""
         if len(self.embedding) == 0 or len(embedding) == 0:
             return np.full(len(embedding), -np.inf)
-        cosine = (embedding @ self.embedding.T).astype(float).max(axis=1)
-        return np.asarray(calibration.alike_scale * (cosine - calibration.alike_even))
+        return calibration.looks((embedding @ self.embedding.T).max(axis=1))
 
     def alike(self, proposals: Proposals, spots: Spots) -> Array:
         """How alike the spots of each proposal are to those of its that are about as high: (n,).
@@ -51,6 +52,16 @@ class Sought:
         cosine[np.abs(high_m - self.height_m) >= most_m] = 0.0
         total = np.bincount(spots.owner, cosine.max(axis=1), n)
         return np.asarray(total / np.maximum(np.bincount(spots.owner, minlength=n), 1))
+
+
+def worth_of(looks: Array, alike: Array) -> Array:
+    """By which proposals are chosen for a closer look: their looks, and how alike their spots."""
+    return _LOOKS * looks + _SPOTS * alike
+
+
+def depth(range_m: float) -> float:
+    """A range as it speaks for a sight: the log of it over a typical one."""
+    return float(np.log(np.clip(range_m, 1.0, 100.0) / _TYPICAL_M))
 
 
 def sought(pictures: Sequence[LandmarkRecord]) -> Sought:

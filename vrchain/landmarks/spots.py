@@ -66,12 +66,16 @@ NO_SPOTS = Spots(_NONE, np.empty(0), np.empty(0), np.empty((0, 1), dtype=np.int8
 def described(proposals: Proposals) -> NDArray[np.int64]:
     """Which of the proposals' cells are spots: places in ``proposals.cell``."""
     owner = proposals.owner
+    every = -(-np.bincount(owner, minlength=len(proposals)) // EACH)
+    return np.flatnonzero(ranks(owner) % np.maximum(every, 1)[owner] == 0)
+
+
+def ranks(owner: NDArray[np.int64]) -> NDArray[np.int64]:
+    """How many of the same owner come before each: (n,)."""
     order = np.argsort(owner, kind="stable")
-    count = np.bincount(owner, minlength=len(proposals))
     rank = np.empty(len(owner), dtype=np.int64)
-    rank[order] = np.arange(len(owner)) - (np.cumsum(count) - count)[owner[order]]
-    every = -(-count // EACH)
-    return np.flatnonzero(rank % np.maximum(every, 1)[owner] == 0)
+    rank[order] = np.arange(len(owner)) - np.searchsorted(owner[order], owner[order])
+    return rank
 
 
 def spots_of(proposals: Proposals, rig: CameraRig, descriptors: NDArray[np.int8]) -> Spots:

@@ -16,7 +16,7 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.recognition import Goal, Sighting, goal_of, locate
 from vrchain.landmarks.record import examine
-from vrchain.landmarks.sought import Sought, sought
+from vrchain.landmarks.sought import Sought, depth, sought, worth_of
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.navigation.eyes import Look, surface_m
 from vrchain.panorama import Panorama
@@ -25,8 +25,6 @@ from vrchain.panorama import Panorama
 # range over 15 m, root of keypoints beyond those that agree by chance. Fitted to 64 goals and 100
 # panoramas of seeds 1100, 1101.
 _BELIEF = np.array([-13.55, 0.52, 1.17, 1.67, 1.58])
-_TYPICAL_M = 15.0
-_LOOKS, _SPOTS = 0.75, 18.2  # by which proposals are chosen for a closer look, before keypoints
 _AMONG = 3  # proposals looked at closely
 _BY_CHANCE = 4  # keypoints that agree by chance
 _SIZED_MATCHES = 15  # keypoints from which a size is told
@@ -79,7 +77,7 @@ class GoalPictures:
         half = (p.box[:, 1] - p.box[:, 0]) / 2
         looks = self.shown.looks(p.embedding, self.calibration)
         alike = self.shown.alike(p, look.spots)
-        worth = _LOOKS * looks + _SPOTS * alike
+        worth = worth_of(looks, alike)
         if near_rad is not None:
             off = np.abs(wrap_angle_rad(middle - near_rad))
             worth = np.where(off < half + window_rad, worth, -np.inf)
@@ -89,9 +87,8 @@ class GoalPictures:
             bearing, half_rad = float(middle[i]), float(half[i])
             seen = self._located(look, bearing, half_rad + _WIDE_RAD)
             matches = max((s.n_matches for s in seen.values()), default=0)
-            depth = np.log(np.clip(p.range_m[i], 1.0, 100.0) / _TYPICAL_M)
             beyond = np.sqrt(max(matches - _BY_CHANCE, 0))
-            odds = _BELIEF @ [1.0, looks[i], 10 * alike[i], depth, beyond]
+            odds = _BELIEF @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i]), beyond]
             sizes = {k: s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES}
             found.append(
                 GoalSight(

@@ -48,8 +48,7 @@ class Tracker:
         p = look.proposals
         if len(p) == 0 or len(self.embedding) == 0:
             return None
-        cosine = (p.embedding @ self.embedding.T).astype(float).max(axis=1)
-        looks = self.calibration.alike_scale * (cosine - self.calibration.alike_even)
+        looks = self.calibration.looks((p.embedding @ self.embedding.T).max(axis=1))
         found = []
         for i in np.flatnonzero(looks > -1.0):
             bearing, range_m = float(wrap_angle_rad(p.bearing_rad[i])), float(p.range_m[i])
