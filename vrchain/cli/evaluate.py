@@ -2,12 +2,15 @@
 
 import json
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from vrchain.errors import MissionError
 from vrchain.paths import BUILD, SCENES
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 app = typer.Typer(no_args_is_help=True, help="Measure how well it works, with intervals.")
 
@@ -17,6 +20,7 @@ SUBURB = SCENES / "suburb.yaml"
 Spec = Annotated[
     Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
 ]
+Seed = Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")]
 AllowTrainingSeeds = Annotated[
     bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
 ]
@@ -41,7 +45,7 @@ def landmarks(
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; all if none.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
+    seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,
     as_json: AsJson = False,
@@ -73,7 +77,7 @@ def strangers(
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; the default.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
+    seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     as_json: AsJson = False,
 ) -> None:
@@ -87,10 +91,7 @@ def strangers(
         scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed
     )
     table = evaluation.accused(found)
-    if as_json:
-        print(json.dumps({"rows": table.to_dict(orient="records")}))
-        return
-    print(table.to_string(index=False))
+    _print_rows(table, as_json)
 
 
 @app.command()
@@ -107,10 +108,7 @@ def photographs(
     from vrchain.experiments.photographs import choose, compare_folders
 
     table = compare_folders(folders) if folders else choose()
-    if as_json:
-        print(json.dumps({"rows": table.to_dict(orient="records")}))
-        return
-    print(table.to_string(index=False))
+    _print_rows(table, as_json)
 
 
 @app.command()
@@ -120,7 +118,7 @@ def search(
     goals: Annotated[int, typer.Option(help="Looked up in each suburb.")] = 20,
     by_sift: Annotated[int, typer.Option(help="Of the goals, looked up by SIFT too.")] = 2,
     suburbs: Annotated[int, typer.Option(help="How many.")] = 1,
-    seed: Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")] = 3000,
+    seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,
     as_json: AsJson = False,
@@ -247,6 +245,13 @@ def navigation(
     print(f"landmarks in the shortest chain, and missions: {first['chain_lengths']}")
     print(f"rejected draws: {first['rejected_draws']}")
     print(experiment.as_table(summary).T.to_string())
+
+
+def _print_rows(table: "pd.DataFrame", as_json: bool) -> None:
+    if as_json:
+        print(json.dumps({"rows": table.to_dict(orient="records")}))
+    else:
+        print(table.to_string(index=False))
 
 
 def _check_seed(seed: int, allow_training_seeds: bool) -> None:

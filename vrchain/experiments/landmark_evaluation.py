@@ -18,7 +18,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks import draw_pairs
+from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.files import write_file
 from vrchain.geometry import Pose, wrap_angle_rad
@@ -191,13 +191,7 @@ def strangers(
                 break
             scene = scenes.scene(seed, k)
             renderer, truth = Renderer(scene), GroundTruth(scene)
-            draws = generator(seed, "strangers", k)
-            half = np.array(scene.extent_m) / 2
-            poses: list[Pose] = []
-            while len(poses) < PAIRS_A_SUBURB:
-                place = draws.uniform(-half, half)
-                if scene.is_free([place]).all():
-                    poses.append(Pose(*map(float, (*place, draws.uniform(-np.pi, np.pi)))))
+            poses = draw_poses(scene, PAIRS_A_SUBURB, generator(seed, "strangers", k))
             looks = [_look(renderer.render(pose, rig), variants) for pose in poses]
             pairs = [
                 (False, looks[i], looks[j])

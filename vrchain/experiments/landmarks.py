@@ -16,6 +16,7 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
+_TRIES = 1000
 _PAIR = ["pair", "spacing_m", "co_visible"]
 _CLAIM = ["score", "right", "duplicate", "twin", "quality_m", "support", "object"]
 _COLUMNS = [*_PAIR, *_CLAIM]
@@ -95,6 +96,18 @@ def summarise(claims: pd.DataFrame) -> dict[str, float]:
         "quality_m_mean": float(made.quality_m.mean()),
         "quality_m_median": float(made.quality_m.median()),
     }
+
+
+def draw_poses(scene: Scene, n: int, draws: np.random.Generator) -> list[Pose]:
+    """Free poses: places uniform, any heading. MissionError if there is no room for them."""
+    half, found = np.array(scene.extent_m) / 2, list[Pose]()
+    for _ in range(_TRIES * n):
+        place = draws.uniform(-half, half)
+        if scene.is_free([place]).all():
+            found.append(Pose(*map(float, (*place, draws.uniform(-np.pi, np.pi)))))
+        if len(found) == n:
+            return found
+    raise MissionError(f"found only {len(found)} of {n} free places in {scene.name!r}")
 
 
 def draw_pairs(

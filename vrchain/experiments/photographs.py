@@ -13,6 +13,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import ImageError
+from vrchain.experiments.landmarks import draw_poses
 from vrchain.geometry import Pose
 from vrchain.landmarks.photos import PLAIN, Described, PhotoConfig, agreeing, claims_of, described
 from vrchain.landmarks.training.examples import varied_suburb
@@ -145,11 +146,7 @@ def _photographs(folder: Path) -> list[Described]:
 
 
 def _views(scene: Scene, n: int, draws: np.random.Generator) -> list[Described]:
-    renderer, half = Renderer(scene), np.array(scene.extent_m) / 2
-    found: list[Described] = []
-    while len(found) < n:
-        place = draws.uniform(-half, half)
-        if scene.is_free([place]).all():
-            pose = Pose(*map(float, (*place, draws.uniform(-np.pi, np.pi))))
-            found.append(described(renderer.render(pose, CAMERA).views[0]))
-    return found
+    renderer = Renderer(scene)
+    return [
+        described(renderer.render(pose, CAMERA).views[0]) for pose in draw_poses(scene, n, draws)
+    ]

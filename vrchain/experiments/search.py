@@ -15,6 +15,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.landmarks import draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.team import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.files import write_file
@@ -32,7 +33,6 @@ from vrchain.truth import GroundTruth
 
 FORMAT = 2
 WAYS = ("gallery", "sift")
-_TRIES = 1000
 _DRAWS, _INTERVAL = 2000, (2.5, 97.5)
 
 
@@ -125,7 +125,7 @@ class _Taken:
 def _search_in(scene: Scene, config: SearchConfig, seed: int, k: int) -> pd.DataFrame:
     renderer, truth, rig = Renderer(scene), GroundTruth(scene), CameraRig()
     draws = generator(seed, "search", k)
-    poses = _poses(scene, config.panoramas, draws)
+    poses = draw_poses(scene, config.panoramas, draws)
     taken = [
         _take(renderer.render(pose, rig), truth, pose)
         for pose in tqdm(poses, desc="panoramas", disable=None)
@@ -166,18 +166,6 @@ def _search_in(scene: Scene, config: SearchConfig, seed: int, k: int) -> pd.Data
         if looked_up == config.goals:
             break
     return pd.DataFrame(rows)
-
-
-def _poses(scene: Scene, n: int, draws: np.random.Generator) -> list[Pose]:
-    """Free poses, uniform."""
-    half, found = np.array(scene.extent_m) / 2, list[Pose]()
-    for _ in range(_TRIES * n):
-        place = draws.uniform(-half, half)
-        if scene.is_free([place]).all():
-            found.append(Pose(*map(float, (*place, draws.uniform(-np.pi, np.pi)))))
-        if len(found) == n:
-            return found
-    raise MissionError(f"found only {len(found)} of {n} free places in {scene.name!r}")
 
 
 def _take(panorama: Panorama, truth: GroundTruth, pose: Pose) -> _Taken:

@@ -13,14 +13,13 @@ from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.homing.views import HomeVector, Views
-from vrchain.landmarks.epipolar import estimate
+from vrchain.landmarks.epipolar import estimate, one_point
 from vrchain.landmarks.sift import Features
 
 Array = NDArray[np.float64]
 
 _COURSES = 360  # directions tried when a compass leaves no other unknown
 _POLISH_STEPS = 5
-_PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
 _LOW_SLOPE = -0.12  # what is seen lower, from both places, is near and mostly ground
 _LEAST_LOW_POINTS = 7
 _LOW_SHARE = 0.25  # the quantile of their answers that is believed
@@ -114,10 +113,7 @@ def _residual(da: Array, t_a: Array, db: Array, t_b: Array) -> tuple[Array, Arra
 
 def _agree(da: Array, t_a: Array, db: Array, t_b: Array, tolerance_rad: float) -> NDArray[np.bool_]:
     """Matches near the constraint whose point lies in front of both."""
-    near = np.abs(_residual(da, t_a, db, t_b)[0]) < tolerance_rad
-    parallax = np.sin(db - da)
-    before = (np.sin(db) * parallax > 0) & (np.sin(da) * parallax > 0)
-    return near & (before | (np.abs(parallax) < _PARALLEL_RAD) & (np.cos(db - da) > 0))
+    return one_point(np.sin(da), np.cos(da), t_a, np.sin(db), np.cos(db), t_b, tolerance_rad)
 
 
 def _distance_heights(da: Array, t_a: Array, db: Array, t_b: Array) -> float:

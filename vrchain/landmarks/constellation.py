@@ -76,7 +76,8 @@ def join(
     settled = [_settle(poses[k], *own, config) for k in kept]
     support = _support(np.stack([pose for pose, _ in settled]), *own, i, config)
     pose, covariance = settled[int(support.argmax())]
-    return replace(_join_at(pose, a, b, looks, config), covariance=covariance)
+    joined = _join_at(pose, a, b, looks, (i, j), (shape_a, shape_b), config)
+    return replace(joined, covariance=covariance)
 
 
 def join_along(
@@ -93,19 +94,25 @@ def join_along(
     apart_m = np.geomspace(_NEAREST_M, config.reach_m, _DISTANCES)
     along = np.array([np.cos(direction_rad), np.sin(direction_rad), 0.0])
     poses = apart_m[:, None] * along + np.array([0.0, 0.0, heading_rad])
-    if len(i) == 0:
-        return _join_at(poses[_DISTANCES // 2], a, b, looks, config)
     shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
-    support = _support(poses, a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j], i, config)
-    return _join_at(poses[int(support.argmax())], a, b, looks, config)
+    best = _DISTANCES // 2
+    if len(i):
+        own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
+        best = int(_support(poses, *own, i, config).argmax())
+    return _join_at(poses[best], a, b, looks, (i, j), (shape_a, shape_b), config)
 
 
 def _join_at(
-    pose: Array, a: Proposals, b: Proposals, looks: Array, config: ConstellationConfig
+    pose: Array,
+    a: Proposals,
+    b: Proposals,
+    looks: Array,
+    candidates: tuple[NDArray[np.int64], NDArray[np.int64]],
+    shapes: tuple[Array, Array],
+    config: ConstellationConfig,
 ) -> Constellation:
-    """The pairs under a relative pose (3,): x, y, heading."""
-    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
-    i, j = _candidates(looks, config.candidates)
+    """The pairs under a relative pose (3,): x, y, heading. shapes: covariances of A's and B's."""
+    (i, j), (shape_a, shape_b) = candidates, shapes
     own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
     evidence = float(_support(pose[None], *own, i, config)[0]) if len(i) else 0.0
     place = _place(

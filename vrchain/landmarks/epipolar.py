@@ -99,7 +99,7 @@ def may_meet(
 ) -> NDArray[np.bool_]:
     """Which directions (n,) from A and (m,) from B may show one point: (n, m)."""
     (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T[:, :, None], b.T
-    return _one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
+    return one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
 
 
 def estimate(
@@ -207,7 +207,7 @@ def _inliers(
 ) -> NDArray[np.bool_]:
     """(k hypotheses, m matches) bool: small Sampson distance, and the point in front of both."""
     (sin_a, cos_a), (sin_b, cos_b) = _turned(alpha, theta), _turned(beta, psi)
-    return _one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
+    return one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
 
 
 def _turned(bearing_rad: Real, origin_rad: Real) -> tuple[Real, Real]:
@@ -217,7 +217,7 @@ def _turned(bearing_rad: Real, origin_rad: Real) -> tuple[Real, Real]:
     return sine * c - cosine * s, cosine * c + sine * s
 
 
-def _one_point(
+def one_point(
     sin_a: Real, cos_a: Real, t_a: Real, sin_b: Real, cos_b: Real, t_b: Real, tolerance: float
 ) -> NDArray[np.bool_]:
     """Whether directions from A and from B, counted from the baseline, may show one point."""
