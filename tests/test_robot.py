@@ -272,3 +272,14 @@ def test_wandering_prefers_where_there_is_room() -> None:
 def test_the_same_draws_wander_the_same_way() -> None:
     results = [wander(seen(0.0), generator(3, "wander")) for _ in range(2)]
     assert results[0] == results[1]
+
+
+def test_wandering_prefers_where_it_has_not_been() -> None:
+    been = np.array([[15.0, 0.0], [13.0, 5.0], [13.0, -5.0], [10.0, 0.0], [0.0, 0.0]])
+
+    def back_again(been_xy_m: np.ndarray | None) -> float:
+        draws = [generator(i, "w") for i in range(100)]
+        minds = [wander(seen(), d, been_xy_m=been_xy_m)[1] for d in draws]
+        return float(np.mean([np.cos(mind.heading_rad) > 0.7 for mind in minds]))
+
+    assert back_again(been) < 0.05 < 0.15 < back_again(None)

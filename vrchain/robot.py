@@ -27,6 +27,7 @@ _TURN_ON_SPOT_RAD = float(np.radians(50.0))
 _SEARCH_TURN_RAD_S = 1.0
 _KEEP_COURSE = 0.25  # weight of staying on course against going where desired
 _HEADING_STEPS = 72
+_NEW_M = 15.0  # so far ahead a wandering robot minds where it has been
 
 Rule = Literal["start", "distance", "view", "time"]
 
@@ -188,9 +189,15 @@ class Wander:
 
 
 def wander(
-    observation: Observation, generator: np.random.Generator, state: Wander | None = None
+    observation: Observation,
+    generator: np.random.Generator,
+    state: Wander | None = None,
+    been_xy_m: NDArray[np.float64] | None = None,
 ) -> tuple[Drive, Wander]:
-    """Drive at random: keep a heading for 8-25 s, or until it is blocked, then draw another."""
+    """Drive at random: keep a heading for 8-25 s, or until it is blocked, then draw another.
+
+    been_xy_m: (n, 2) places, by odometry, from which it rather drives away.
+    """
     ring, yaw_rad = observation.range_ring_m, observation.odometry.yaw_rad
     state = state or Wander()
     bearing = float(wrap_angle_rad(state.heading_rad - yaw_rad))
@@ -199,6 +206,12 @@ def wander(
         choices = wrap_angle_rad(2 * np.pi * np.arange(_HEADING_STEPS) / _HEADING_STEPS)
         room_m = free_distances_m(ring, choices) - _SQUEEZE_LOOK_AHEAD_M
         weights = np.clip(room_m, 0.0, 4.0) ** 2 + 1e-6
+        if been_xy_m is not None:
+            course = yaw_rad + choices
+            ahead = _NEW_M * np.stack([np.cos(course), np.sin(course)], axis=1)
+            apart = (observation.odometry.xy_m + ahead)[:, None] - been_xy_m
+            new_m = np.hypot(*apart.transpose(2, 0, 1)).min(axis=1)
+            weights = weights * np.clip(new_m / _NEW_M, 0.05, 1.0) ** 2
         if observation.bumped:  # whatever it was, it is ahead, even if the ring does not show it
             weights = weights * (np.cos(choices) < 0) + 1e-9
         bearing = float(generator.choice(choices, p=weights / weights.sum()))

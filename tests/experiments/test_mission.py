@@ -18,7 +18,7 @@ from vrchain.ledger import Ledger, verify
 from vrchain.navigation.eyes import learned_eyes
 from vrchain.navigation.goal import goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.terms import MissionConfig
+from vrchain.navigation.terms import MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
 from vrchain.robot import Drive, Observation
@@ -160,7 +160,7 @@ def drive_from(
     result = run_mission(
         "R1",
         Body(simulator),
-        lambda: {"R2": b"R2"},
+        lambda: {"R2": Published(b"R2")},
         LandmarkIndex(blobs.__getitem__, lambda digest: None, eyes.stored, eyes.compare),
         goal_from([renderer.render(place(p), SINGLE) for p in SEEN_FROM]),
         eyes,

@@ -27,7 +27,9 @@ def _short_ways(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def oracle(folder: Path, n: int = 2) -> tuple[pd.DataFrame, list[Mission]]:
-    return evaluate(HAMLET, n, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT)
+    return evaluate(
+        HAMLET, n, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT, patrol_s=20.0
+    )
 
 
 def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
@@ -39,6 +41,7 @@ def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
     assert (table.collisions == 0).all()
     assert (table.driven_m > 0).all() and (table.range_m <= 3.0).all()
     assert (table.seconds_simulated <= SHORT.limit_s + 1).all()
+    assert (table.published > 6).all()  # three others, who drove about and published again
     monkeypatch.setattr(navigation, "Suburb", None)  # nothing is left to do
     again, same = oracle(tmp_path)
     pd.testing.assert_frame_equal(table, again)
@@ -49,8 +52,9 @@ def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
 
 def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
     table, drawn = evaluate(
-        HAMLET, 1, 4, ["oracle"], seed=3, folder=tmp_path, rig=RIG, config=SHORT, to_places=True
-    )
+        HAMLET, 1, 4, ["oracle"], seed=3, folder=tmp_path, rig=RIG, config=SHORT, to_places=True,
+        patrol_s=20.0,
+    )  # fmt: skip
     assert drawn[0].goal == missions.PLACE
     assert table.success.all() and (table.range_m <= 1.0).all(), table.reason.to_list()
     assert (table.collisions == 0).all()
@@ -81,7 +85,8 @@ def test_the_figures_of_made_up_missions() -> None:
     found = summarise(pd.DataFrame(rows), drawn)
     ledger, alone = found["ledger"], found["alone"]
     assert (ledger["n"], ledger["n_with_chain"]) == (6, 4)
-    assert ledger["success"] == pytest.approx(5 / 6)
+    assert ledger["success"] == ledger["success_300_s"] == pytest.approx(5 / 6)
+    assert ledger["success_150_s"] == 0.0
     assert ledger["success_given_chain"] == pytest.approx(3 / 4)
     assert ledger["false_arrivals"] == 1 and alone["false_arrivals"] == 0
     assert ledger["spl"] == pytest.approx(5 / 6 * 0.5)

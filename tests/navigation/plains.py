@@ -17,6 +17,7 @@ from vrchain.landmarks.sought import Sought
 from vrchain.landmarks.spots import NO_SPOTS, ONE, Spots
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalPictures
+from vrchain.navigation.terms import Published
 from vrchain.panorama import CameraRig
 from vrchain.robot import Drive, Observation
 from vrchain.seeding import generator
@@ -123,7 +124,8 @@ class Plain:
             np.array([embedding(t.looks or t.name) for t in shown], dtype=np.float32)
             .reshape(n, 64), NO_CELLS, NO_CELLS,
         )  # fmt: skip
-        return Look(RIG, proposals, self.features(pose), spots_of(shown, pose))
+        features = self.features(pose)
+        return Look(RIG, proposals, lambda: features, spots_of(shown, pose))
 
     def goal(self, name: str, *azimuths_rad: float) -> GoalPictures:
         """Pictures of one thing from 8 m."""
@@ -224,8 +226,8 @@ class PlainIndex:
     def __init__(self, plain: Plain, poses: Mapping[str, Pose]) -> None:
         self.plain, self.poses = plain, poses
 
-    def newest(self) -> dict[str, bytes]:
-        return {name: name.encode() for name in self.poses}
+    def published(self) -> dict[str, Published]:
+        return {name: Published(name.encode()) for name in self.poses}
 
     def look(self, digest: bytes) -> Look:
         return self.plain.look(self.poses[digest.decode()])

@@ -12,7 +12,7 @@ from vrchain.landmarks.sought import sought
 from vrchain.navigation.driving import range_along_m
 from vrchain.navigation.goal import GoalPictures
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.terms import Decision, MissionConfig
+from vrchain.navigation.terms import Decision, MissionConfig, Published
 
 GOAL_XY = (16.0, 8.0)
 HOME = Pose(0, 0, 0.5)
@@ -56,7 +56,7 @@ def drive(
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
     tell = (lambda d: None) if told is None else told.append
-    return run_mission("R1", body, index.newest, index, goal, EYES, config, tell), body
+    return run_mission("R1", body, index.published, index, goal, EYES, config, tell), body
 
 
 def words(result: MissionResult) -> list[str]:
@@ -245,8 +245,8 @@ class Junk(PlainIndex):
             raise ImageError("expected an encoded panorama, got other bytes")
         return super().look(digest)
 
-    def newest(self) -> dict[str, bytes]:
-        return {"R0": b"R0", **super().newest()}
+    def published(self) -> dict[str, Published]:
+        return {"R0": Published(b"R0"), **super().published()}
 
 
 def test_a_member_that_publishes_junk_stops_nobody() -> None:
@@ -276,7 +276,7 @@ def test_a_failing_listener_is_not_swallowed() -> None:
         run_mission(
             "R1",
             Walker(plain, HOME),
-            index.newest,
+            index.published,
             index,
             plain.goal("goal", 3.9),
             EYES,

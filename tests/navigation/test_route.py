@@ -10,6 +10,7 @@ from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.route import Plan, plan, worth
+from vrchain.navigation.terms import Published
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 
@@ -95,8 +96,8 @@ def planned(
         else [landmark(v, 0.3 * int(a[1:]), None, 0.3 * int(b[1:]))]
         for (a, b), v in edges.items()
     }
-    newest = {f"R{i}": f"R{i}".encode() for i in range(robots, 1, -1)}
-    return plan("R1", NOTHING, newest, StubIndex(lists, goal_matches), GOAL, **options)
+    published = {f"R{i}": Published(f"R{i}".encode()) for i in range(robots, 1, -1)}
+    return plan("R1", NOTHING, published, StubIndex(lists, goal_matches), GOAL, **options)
 
 
 def test_the_papers_chain() -> None:
@@ -176,9 +177,9 @@ def test_panoramas_that_cannot_be_read_are_named() -> None:
             return super().look(digest)
 
     torn = Torn({("R1", "R3"): [landmark(0.9)]}, {"R3": 40})
-    found = plan("R1", NOTHING, {"R2": b"R2", "R3": b"R3"}, torn, GOAL)
+    found = plan("R1", NOTHING, {"R2": Published(b"R2"), "R3": Published(b"R3")}, torn, GOAL)
     assert found.unreadable == ("R2",) and found.route.robots == ("R1", "R3")
-    found = plan("R1", NOTHING, {"R2": b"R2"}, torn, GOAL)
+    found = plan("R1", NOTHING, {"R2": Published(b"R2")}, torn, GOAL)
     assert found.why_none == "no newest panorama can be read, of R2"
 
 
@@ -238,9 +239,9 @@ def test_a_doubted_robot_is_no_end_but_may_be_on_the_way() -> None:
     edges = {("R1", "R2"): 0.9, ("R2", "R3"): 0.9}
     found = planned(edges, {"R2": 60, "R3": 20}, 3)
     assert found.route.seen_by == "R2"
-    found = planned(edges, {"R2": 60, "R3": 20}, 3, doubted={"R2"})
+    found = planned(edges, {"R2": 60, "R3": 20}, 3, doubted={b"R2"})
     assert found.route.robots == ("R1", "R2", "R3") and list(found.goal_seen_by) == ["R3"]
-    assert planned(edges, {"R2": 60, "R3": 20}, 3, doubted={"R2", "R3"}).route is None
+    assert planned(edges, {"R2": 60, "R3": 20}, 3, doubted={b"R2", b"R3"}).route is None
 
 
 def test_a_landmark_walked_against_its_order_is_turned_round() -> None:
@@ -280,8 +281,8 @@ def test_a_sure_score_and_a_hopeless_one_do_no_harm() -> None:
 
 def test_every_pair_is_compared_once_in_a_fixed_order() -> None:
     index = StubIndex({}, {})
-    newest = {"R3": b"R3", "R10": b"R10", "R2": b"R2"}
-    plan("R1", NOTHING, newest, index, GOAL)
+    published = {name: Published(name.encode()) for name in ("R3", "R10", "R2")}
+    plan("R1", NOTHING, published, index, GOAL)
     assert index.asked == [
         ("R1", "R10"), ("R1", "R2"), ("R1", "R3"), ("R10", "R2"), ("R10", "R3"), ("R2", "R3"),
     ]  # fmt: skip
@@ -327,3 +328,62 @@ def test_no_chain_is_better_than_the_one_planned(seed: int, robots: int, density
     assert route.score == pytest.approx(product, rel=1e-7)
     assert route.robots[0] == "R1" and len(set(route.robots)) == len(route.robots)
     assert [leg.next_by for leg in route.legs] == list(route.robots[1:])
+
+
+def test_a_route_may_begin_where_the_robot_was_before() -> None:
+    """What it sees now joins nothing; two looks earlier it saw a landmark that R2 sees."""
+    earlier, earliest = Shown(0), Shown(1)
+
+    class Remembering(StubIndex):
+        def compare_with(self, current: Shown, b: bytes) -> Comparison:
+            return Comparison((landmark(0.9),) if current is earliest else (), None)
+
+    index = Remembering({}, {"R2": 40})
+    published = {"R2": Published(b"R2")}
+    assert plan("R1", NOTHING, published, index, GOAL).route is None
+    found = plan("R1", NOTHING, published, index, GOAL, before=[earlier, earliest])
+    assert found.route.robots == ("R1-2", "R2") and len(found.route.legs) == 1
+    assert 0.9 * 0.9 * support_score(40) < found.route.score < 0.9 * support_score(40)
+    assert found.looks["R1-2"] is earliest and found.why_none == ""
+    assert plan("R1", NOTHING, {}, index, GOAL, before=[earlier]).why_none.startswith("the ledger")
+
+
+def test_of_many_panoramas_those_that_look_alike_are_compared() -> None:
+    """Twenty of two robots along a street: neighbours, and the other robot's beside them."""
+    published = {f"R{2 + k % 2}-{k // 2}": Published(f"{k:02d}".encode(), k) for k in range(20)}
+    places = {p.digest.decode(): k // 2 for k, p in enumerate(published.values())}
+
+    class Street(StubIndex):
+        def look(self, digest: bytes) -> Shown:
+            return looks[digest]
+
+    looks = {p.digest: Shown(0) for p in published.values()}
+    at = {id(looks[d.encode()]): k for d, k in places.items()} | {id(NOTHING): 0}
+    index = Street({}, {})
+
+    def alike(a: Shown, b: Shown) -> float:
+        return -abs(at[id(a)] - at[id(b)])
+
+    plan("R1", NOTHING, published, index, GOAL, alike=alike)
+    apart = [abs(places[a] - places[b]) for a, b in index.asked if a != "R1"]
+    assert max(apart) <= 5 and len(index.asked) < 21 * 20 / 2 / 2
+    for k in range(9):  # each with the next of its robot, and with the other's at its side
+        assert (f"{2 * k:02d}", f"{2 * k + 2:02d}") in index.asked
+        assert (f"{2 * k:02d}", f"{2 * k + 1:02d}") in index.asked
+
+
+def test_the_goal_is_one_thing() -> None:
+    """A sight much less sure than another is of something else."""
+
+    class Percent:
+        def find(self, look: Shown) -> GoalSight:
+            return GoalSight(0.1, 12.0, 10.0, 0.2, look.matches, 2.0, look.matches / 100)
+
+    def seen_by(**percent: int) -> list[str]:
+        published = {name: Published(name.encode()) for name in percent}
+        return sorted(
+            plan("R1", NOTHING, published, StubIndex({}, percent), Percent()).goal_seen_by
+        )
+
+    assert seen_by(R2=30, R3=16, R4=4) == ["R2", "R3"]
+    assert seen_by(R2=98, R3=48, R4=52) == ["R2", "R4"]

@@ -217,6 +217,9 @@ def navigation(
         list[str] | None, typer.Option(metavar="A", help="Give one for each; all if none.")
     ] = None,
     to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
+    patrol: Annotated[
+        float, typer.Option(metavar="S", help="For how long the others are under way before.")
+    ] = 300.0,
     seed: Annotated[
         int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
@@ -236,6 +239,7 @@ def navigation(
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
         folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
+        patrol_s=patrol,
     )  # fmt: skip
     summary = experiment.summarise(*found)
     if as_json:

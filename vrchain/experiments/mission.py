@@ -25,7 +25,8 @@ from vrchain.ledger.transaction import NO_BLOB
 from vrchain.navigation.eyes import Eyes, Look, learned_eyes
 from vrchain.navigation.goal import goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.terms import Decision, MissionConfig
+from vrchain.navigation.route import panorama_name
+from vrchain.navigation.terms import Decision, MissionConfig, Published
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator
@@ -111,10 +112,10 @@ def run(
         robots = assemble(simulator, ledger, seed, examine=eyes.record)
         drive_to_places(simulator, robots, task)
         started_ns = simulator.clock_ns
-        newest, index = newest_of(ledger, robot), index_of(ledger, eyes)
-        panoramas = {n: index.panorama(d) for n, d in newest().items()}
+        published, index = published_of(ledger, robot), index_of(ledger, eyes)
+        panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
         goal_shown = goal_from(pictures, weights)
-        result = run_mission(robot, robots[robot], newest, index, goal_shown, eyes, config, tell)
+        result = run_mission(robot, robots[robot], published, index, goal_shown, eyes, config, tell)
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)
     at_goal, range_m = is_at(scene, truth, task.goal, pose, rig)
@@ -135,23 +136,29 @@ def run(
     )
 
 
-def newest_of(ledger: Ledger, robot: str) -> Callable[[], dict[str, bytes]]:
-    """Asks a ledger for the digest of every other robot's newest panorama."""
+def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:
+    """Asks a ledger for the newest panoramas of each other robot, at most so many.
 
-    def newest() -> dict[str, bytes]:
-        found = {n: ledger.latest(n) for n in ledger.robots if n != robot}
-        return {n: t.payload_digest for n, t in found.items() if t is not None}
+    R2 is robot R2's newest, R2-1 the one before, and so on.
+    """
 
-    return newest
+    def published() -> dict[str, Published]:
+        return {
+            panorama_name(name, k): Published(t.payload_digest, t.timestamp_ns)
+            for name in ledger.robots
+            if name != robot
+            for k, t in enumerate(reversed(ledger.history(name)[-most:]))
+        }
+
+    return published
 
 
 def index_of(ledger: Ledger, eyes: Eyes) -> LandmarkIndex[Look]:
     """An index of a ledger's panoramas, by the landmark records published with them."""
 
     def described(payload_digest: bytes) -> bytes | None:
-        newest = (ledger.latest(name) for name in ledger.robots)
-        for transaction in newest:
-            if transaction is not None and transaction.payload_digest == payload_digest:
+        for transaction in (t for name in ledger.robots for t in ledger.history(name)):
+            if transaction.payload_digest == payload_digest:
                 return (
                     ledger.payload(transaction.landmarks_digest)
                     if transaction.landmarks_digest != NO_BLOB

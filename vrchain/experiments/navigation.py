@@ -3,7 +3,9 @@
 Every mission is driven by each arm: *ledger* plans from what the others have published, and goes
 and looks elsewhere where no chain leads on; *alone* has the same senses, recognition and time, but
 no ledger, so that it only looks elsewhere; *oracle* is ledger with landmarks as truth has them. The
-other robots have each published what they see from where they stand, and stay there.
+other robots publish what they see from where they are put, have driven about and published for some
+minutes when the mission starts, and go on while it runs. To ``alone`` they are of no use and stay
+where they are.
 
 About ten missions a suburb. Each is saved as it ends, so that a run broken off goes on with the
 next. Broadcasting every panorama to everyone would differ from ledger in bytes alone.
@@ -25,9 +27,10 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import by_suburb, ratio, resampled
-from vrchain.experiments.mission import index_of, is_at, newest_of
+from vrchain.experiments.mission import index_of, is_at, published_of
 from vrchain.experiments.missions import PLACE, Ground, Mission
 from vrchain.experiments.oracle import Oracle
+from vrchain.experiments.patrol import Patrol
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.team import assemble, goal_pictures
 from vrchain.files import write_file
@@ -35,19 +38,23 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.record import maker_of
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.ledger import Ledger, simulated_key
+from vrchain.ledger.encoding import digest
 from vrchain.navigation.eyes import learned_eyes
 from vrchain.navigation.goal import GoalPictures, KnownGoal, goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
 from vrchain.navigation.place_goal import GoalPlace
-from vrchain.navigation.terms import Decision, MissionConfig
+from vrchain.navigation.terms import Decision, MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
-FORMAT = 1
+FORMAT = 2
 ARMS = ("ledger", "alone", "oracle")
 MISSIONS_A_SUBURB = 10
+PATROL_S = 300.0  # for which the others have been under way as a mission starts
+SOON_S = (150, 300)
+REMEMBERED = 40  # panoramas of each robot that others plan by
 _AT_PLACE_M = 1.0
 
 
@@ -65,6 +72,7 @@ class Suburb:
         arm: str,
         config: MissionConfig | None = None,
         weights: Path = SHIPPED,
+        patrol_s: float = PATROL_S,
         tell: Callable[[Decision], None] = lambda decision: None,
     ) -> dict[str, object]:
         """Drive a mission by one arm: a row of ``evaluate``'s table, and its log."""
@@ -80,17 +88,17 @@ class Suburb:
                 Path(folder) / "ledger", members, simulated_key(number, "operator")
             ) as ledger,
         ):
-            taken: dict[bytes, Pose] = {}  # from where panoramas were, by their bytes
+            taken: dict[bytes, Pose] = {}  # from where panoramas were, by their digest
             oracle = Oracle(self.truth, self.rig) if arm == "oracle" else None
             if oracle is not None:
-                eyes = oracle.eyes(lambda: simulator.pose(robot), taken.__getitem__)
+                eyes = oracle.eyes(lambda: simulator.pose(robot), lambda b: taken[digest(b)])
             else:
                 eyes = learned_eyes(weights)
             goal: KnownGoal
             if mission.goal == PLACE:
                 (place,) = mission.goal_poses
                 shown = self.renderer.render(place, self.rig).encode()
-                taken[shown] = place
+                taken[digest(shown)] = place
                 look = eyes.stored(shown, None)
                 goal = oracle.place(look, eyes) if oracle else GoalPlace(look, eyes)
             else:
@@ -98,14 +106,25 @@ class Suburb:
             robots = assemble(
                 simulator, ledger, number, examine=None if arm == "oracle" else eyes.record
             )
-            newest = newest_of(ledger, robot)
-            for name in others if arm != "alone" else ():
-                robots[name].observe(look=True)
-                taken[ledger.payload(newest()[name])] = simulator.pose(name)
-            result = run_mission(
-                robot, robots[robot], newest, index_of(ledger, eyes), goal, eyes, config, tell
-            )
-        return self._row(mission, arm, simulator, robot, result, perf_counter() - start)
+            if arm != "alone":
+                for name in others:
+                    robots[name].observe(look=True)
+                patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
+                patrol.drive(patrol_s)
+                robots[robot].others = patrol.drives
+            index, known = index_of(ledger, eyes), published_of(ledger, robot, REMEMBERED)
+
+            def published() -> Mapping[str, Published]:
+                for p in (p for name in others for p in robots[name].publications):
+                    taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
+                return known()
+
+            started_ns = simulator.clock_ns
+            result = run_mission(robot, robots[robot], published, index, goal, eyes, config, tell)
+            n_published = len(known())
+        seconds = (simulator.clock_ns - started_ns) / 1e9
+        row = self._row(mission, arm, simulator, robot, result, seconds)
+        return {**row, "published": n_published, "wall_s": perf_counter() - start}
 
     def _goal(self, mission: Mission, weights: Path) -> GoalPictures:
         pictures = goal_pictures(
@@ -120,7 +139,7 @@ class Suburb:
         simulator: Simulator,
         robot: str,
         result: MissionResult,
-        wall_s: float,
+        seconds: float,
     ) -> dict[str, object]:
         pose = simulator.pose(robot)
         if mission.goal == PLACE:
@@ -144,8 +163,7 @@ class Suburb:
             "collisions": simulator.collisions(robot),
             "replans": max(0, len(result.plans) - 1),
             "legs": sum(d.what == "reached" for d in result.decisions),
-            "seconds_simulated": simulator.clock_ns / 1e9,
-            "wall_s": wall_s,
+            "seconds_simulated": seconds,
             "log": [asdict(d) for d in result.decisions],
         }
 
@@ -162,6 +180,7 @@ def evaluate(
     config: MissionConfig | None = None,
     weights: Path = SHIPPED,
     to_places: bool = False,
+    patrol_s: float = PATROL_S,
 ) -> tuple[pd.DataFrame, list[Mission]]:
     """One row a mission and arm, and the missions as they were drawn, to objects or to places.
 
@@ -175,7 +194,7 @@ def evaluate(
         )
     rig, config = rig or CameraRig(), config or MissionConfig()
     drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig), to_places]
-    driven = [*drawn, asdict(config), maker_of(weights)]
+    driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED]
     own = folder / _name(drawn)
     rows, missions = [], []
     suburb: Suburb | None = None
@@ -197,7 +216,7 @@ def evaluate(
         for arm in arms:
             file = own / _name(driven) / f"mission_{number:04d}_{arm}.json"
             if not file.exists():
-                found = here().drive(mission, arm, config, weights)
+                found = here().drive(mission, arm, config, weights, patrol_s)
                 write_file(file, json.dumps(found).encode())
             row = json.loads(file.read_text())
             row.pop("log")
@@ -214,8 +233,9 @@ def summarise(
 ) -> dict[str, dict[str, object]]:
     """The figures of each arm, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
-    success and spl over all n missions; success_given_chain and spl_chain over the n_with_chain
-    that a chain leads through; false_arrivals and collisions are counts, replans, legs and
+    success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
+    spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
+    counts, replans, legs and
     seconds_simulated means. Of ledger, times_alone: its successes over those of alone. Also how
     many missions need how many landmarks, and how many draws were rejected for what.
     """
@@ -251,8 +271,10 @@ def _summary(
     spl_chain = chained.success.astype(float) * chain_way_m
     spl_chain = spl_chain / np.maximum(chained.driven_m, chain_way_m)
     found: dict[str, object] = {"n": len(own), "n_with_chain": len(chained)}
+    soon = {f"success_{s}_s": success * (own.seconds_simulated <= s) for s in SOON_S}
     for name, values, of in (
         ("success", success, own),
+        *((name, values, own) for name, values in soon.items()),
         ("success_given_chain", chained.success, chained),
         ("spl", spl, own),
         ("spl_chain", spl_chain, chained),
@@ -282,7 +304,8 @@ def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
         return f"{value:.2f}{ends}"
 
     names = (
-        "n", "n_with_chain", "success", "success_given_chain", "times_alone", "spl", "spl_chain",
+        "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
+        "success_given_chain", "times_alone", "spl", "spl_chain",
         "false_arrivals", "collisions", "replans", "legs", "seconds_simulated", "wall_s",
     )  # fmt: skip
     rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}

@@ -114,7 +114,7 @@ class Oracle:
             np.array([_embedding(objects[i].name) for i in chosen], dtype=np.float32)
             .reshape(n, _DIMENSIONS), _NONE, _NONE,
         )  # fmt: skip
-        look = Look(self.rig, proposals, _NO_KEYPOINTS)
+        look = Look(self.rig, proposals, lambda: _NO_KEYPOINTS)
         self._taken[id(look)] = look, pose
         return look
 

@@ -255,6 +255,7 @@ class PublishingRobot:
         self._examine = examine
         self.monitor = UpdateMonitor(rules)
         self.publications: list[Publication] = []
+        self.others: Callable[[], Mapping[str, Drive]] = dict  # what they do as this one drives
         self._looked: Observation | None = None
 
     def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
@@ -271,21 +272,21 @@ class PublishingRobot:
                 self._publish(seen, rule)
         return seen
 
-    def watch(self) -> Observation:
+    def watch(self, look_every_m: float = LOOK_EVERY_M) -> Observation:
         """Observe, and look if the last look is some way or time ago: looking costs."""
         last = self._looked
         seen = self.simulator.observe(self.name)
         if last is not None:
             moved_m = last.odometry.distance_to_m(seen.odometry.xy_m)
             waited_s = (seen.time_ns - last.time_ns) / 1e9
-            if moved_m < LOOK_EVERY_M and waited_s < self.monitor.rules.max_age_s:
+            if moved_m < look_every_m and waited_s < self.monitor.rules.max_age_s:
                 self.monitor.due(seen)
                 return seen
         return self.observe(look=True)
 
     def drive(self, command: Drive, duration_s: float) -> None:
-        """Drive so for a while; the others stand still."""
-        self.simulator.step({self.name: command}, duration_s)
+        """Drive so for a while; the others do what ``others`` says: stand, if nothing was said."""
+        self.simulator.step({**self.others(), self.name: command}, duration_s)
 
     def _publish(self, seen: Observation, rule: str) -> None:
         assert seen.panorama is not None

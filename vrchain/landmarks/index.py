@@ -28,6 +28,7 @@ class LandmarkIndex(Generic[Look]):
         self._make, self._compare = look, compare
         self._looks: dict[bytes, Look] = {}
         self._compared: dict[tuple[bytes, bytes], Comparison] = {}
+        self._with: dict[tuple[int, bytes], tuple[Look, Comparison]] = {}  # kept: so is its id
 
     def panorama(self, digest: bytes) -> Panorama:
         """The stored panorama."""
@@ -47,4 +48,7 @@ class LandmarkIndex(Generic[Look]):
 
     def compare_with(self, current: Look, b: bytes) -> Comparison:
         """What the panorama in front of the robot has in common with a stored one."""
-        return self._compare(current, self.look(b))
+        key = id(current), b
+        if key not in self._with:
+            self._with[key] = current, self._compare(current, self.look(b))
+        return self._with[key][1]

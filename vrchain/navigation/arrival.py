@@ -73,7 +73,7 @@ class Arrival:
         if sight is None or sight.chance < self.pilot.config.least_chance:
             return None
         place = self._place_of(sight)
-        if any(np.hypot(*(place.xy_m - m)) < _DOUBTED_M for m in self._mistaken):
+        if self.was_mistaken(place):
             return None
         self._sizes.append((self.pilot.here.xy_m, sight))
         for i, known in enumerate(self.suspects):
@@ -82,6 +82,10 @@ class Arrival:
                 return self.suspects[i]
         self.suspects.append(Suspect(place, sight.chance, sure=self._is_sure(sight)))
         return self.suspects[-1]
+
+    def was_mistaken(self, place: Place) -> bool:
+        """Whether what is there looked like the goal and was something else."""
+        return any(np.hypot(*(place.xy_m - m)) < _DOUBTED_M for m in self._mistaken)
 
     def drive_to(self, suspect: Suspect) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""

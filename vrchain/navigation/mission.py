@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import Arrival, Suspect
@@ -20,15 +21,17 @@ from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place
-from vrchain.navigation.route import LandmarkKey, Plan, Route, plan
+from vrchain.navigation.route import LandmarkKey, Plan, Route, panorama_name, plan
 from vrchain.navigation.stands import AGREED, Stands
 from vrchain.navigation.targets import targets
-from vrchain.navigation.terms import Body, Decision, GaveUp, MissionConfig
+from vrchain.navigation.terms import Body, Decision, GaveUp, MissionConfig, Published
 from vrchain.navigation.tracker import Tracker
 from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
+_BETTER = 1.01  # times as sure a route is taken instead of the one that is driven
+_OWN = 8  # latest looks from which a route may begin
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +51,7 @@ class MissionResult:
 def run_mission(
     robot: str,
     body: Body,
-    newest: Callable[[], Mapping[str, bytes]],
+    published: Callable[[], Mapping[str, Published]],
     index: LandmarkIndex[Look],
     goal: KnownGoal,
     eyes: Eyes,
@@ -57,11 +60,12 @@ def run_mission(
 ) -> MissionResult:
     """Drive ``robot`` to ``goal`` by what the ledger says.
 
-    newest: digest of every other robot's newest panorama in the ledger, asked at each plan.
+    published: the panoramas of others in the ledger, by name, asked for at each plan: of each robot
+    its newest, or older ones too.
     tell: is given each decision as it is made.
     """
     pilot = Pilot(body, eyes, config or MissionConfig())
-    mission = _Mission(robot, pilot, newest, index, goal, tell)
+    mission = _Mission(robot, pilot, published, index, goal, tell)
     try:
         mission.run()
         arrived, reason = True, "the goal is in front of me"
@@ -73,23 +77,35 @@ def run_mission(
     )
 
 
+@dataclass(frozen=True, eq=False)
+class Onward:
+    """A better route, from where the robot is now."""
+
+    route: Route
+    plan: Plan
+    look: Look
+
+
 class _Mission:
     def __init__(
         self,
         robot: str,
         pilot: Pilot,
-        newest: Callable[[], Mapping[str, bytes]],
+        published: Callable[[], Mapping[str, Published]],
         index: LandmarkIndex[Look],
         goal: KnownGoal,
         tell: Callable[[Decision], None],
     ) -> None:
         self.robot, self.pilot, self.config = robot, pilot, pilot.config
-        self.newest, self.index, self.tell = newest, index, tell
+        self.published, self.index, self.tell = published, index, tell
         self.goal = FoundOnce(goal)
         self.decisions: list[Decision] = []
         self.plans: list[tuple[int, Route]] = []
         self.failed: set[LandmarkKey] = set()
-        self.doubted: set[str] = set()  # robots whose sighting of the goal was a mistake
+        self.own: list[tuple[Pose, Look]] = []  # where it planned, what it saw; latest first
+        self._alike: dict[tuple[int, int], float] = {}
+        self.reached: set[LandmarkKey] = set()
+        self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
         self.arrival = (
             PlaceArrival(pilot, goal, self.log)
             if isinstance(goal, GoalPlace)
@@ -132,17 +148,34 @@ class _Mission:
 
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""
-        newest, here = self.newest(), self.pilot.here
+        published, eyes = self.published(), self.pilot.eyes
+        self.own.insert(0, (self.pilot.here, look))
+        latest = self.own[:_OWN]
+        own = {panorama_name(self.robot, k): seen for k, seen in enumerate(latest)}
 
         def trust(a: str, b: str, found: Comparison) -> float:
-            agreed = a == self.robot and self.stands.agree(here, newest[b], found, look.rig)
-            one = look if a == self.robot else self.index.look(newest[a])
-            trust = self.pilot.eyes.trust(one, self.index.look(newest[b]), found)
-            return max(AGREED if agreed else 0.0, trust)
+            digest = published[b].digest
+            agreed = a in own and self.stands.agree(own[a][0], digest, found, look.rig)
+            one = own[a][1] if a in own else self.index.look(published[a].digest)
+            trust = max(AGREED if agreed else 0.0, eyes.trust(one, self.index.look(digest), found))
+            return trust * self.lasting(published[b])
 
         return plan(
-            self.robot, look, newest, self.index, self.goal, self.failed, self.doubted, trust
-        )
+            self.robot, look, published, self.index, self.goal, self.failed, self.doubted, trust,
+            self.alike, [seen for _, seen in latest[1:]],
+        )  # fmt: skip
+
+    def alike(self, a: Look, b: Look) -> float:
+        """Asked of the same two again and again."""
+        key = id(a), id(b)
+        if key not in self._alike:
+            self._alike[key] = self.pilot.eyes.alike(a, b)
+        return self._alike[key]
+
+    def lasting(self, seen: Published) -> float:
+        """The chance that a view has not changed since."""
+        age_s = max(0, self.pilot.now.time_ns - seen.time_ns) / 1e9
+        return float(np.exp(-age_s / self.config.lasting_s))
 
     def follow(self, route: Route, found: Plan, look: Look) -> bool:
         """Drive a route leg by leg, and home to the goal; True if it is reached."""
@@ -152,34 +185,65 @@ class _Mission:
                 "ledger", f"{name} sees the goal", number, robot=name, matches=sight.n_matches,
                 chance=round(sight.chance, 2),
             )  # fmt: skip
-        names = " - ".join(route.robots)
+        names = route.robots
         self.log(
-            "route", f"{names} - goal, by {len(route.legs)} common landmarks", number,
+            "route", f"{' - '.join(names)} - goal, by {len(route.legs)} common landmarks", number,
             score=round(route.score, 3),
         )  # fmt: skip
         self.plans.append((number, route))
-        digests = self.newest()
-        looks = [look, *(self.index.look(digests[n]) for n in route.robots[1:])]
-        trackers, goal = targets(route, looks, found.compared, pilot.here, pilot.eyes.calibration)
+        begin = next(
+            p for k, (p, _) in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
+        )
+        looks = [found.looks[name] for name in names]
+        trackers, goal = targets(
+            route, looks, found.compared, begin, pilot.here, pilot.eyes.calibration
+        )
+        if goal is not None and self.arrival.was_mistaken(goal):
+            self.log("doubt", f"what {route.seen_by} sees is not the goal, as was found before")
+            self.doubted.add(found.published[route.seen_by].digest)
+            return False
+        drove = False
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
-            name = f"landmark {k}, common to {leg.seen_by} and {leg.next_by}"
+            later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
+            nearest_m = min((p.range_m(pilot.here) for p in later), default=np.inf)
+            if leg.key in self.reached or nearest_m < tracker.place.range_m(pilot.here):
+                continue
+            if drove:
+                seen = self.regard(pilot.look_around(), route)
+                if isinstance(seen, Suspect):
+                    return self.arrival.drive_to(seen)
+                if seen is not None:
+                    return self.follow(seen.route, seen.plan, seen.look)
             self.log(
-                "approach", name, len(pilot.looks) - 1,
+                "approach", tracker.name, len(pilot.looks) - 1,
                 bearing_deg=round(float(np.degrees(tracker.place.bearing_rad(pilot.here))), 1),
                 range_m=round(tracker.place.range_m(pilot.here), 1),
             )  # fmt: skip
-            ended = self.approach(name, tracker)
+            drove, ended = True, self.approach(tracker, route)
             if isinstance(ended, Suspect):
                 return self.arrival.drive_to(ended)
+            if isinstance(ended, Onward):
+                return self.follow(ended.route, ended.plan, ended.look)
             if ended != "near":
                 self.failed.add(leg.key)
                 return False
+            self.reached.add(leg.key)
         if len(trackers) < len(route.legs) or goal is None:
             return False  # from here it will see more
         if self.home(goal, route):
             return True
-        self.doubted.add(route.seen_by)
+        self.doubted.add(found.published[route.seen_by].digest)
         return False
+
+    def regard(self, look: Look, route: Route) -> "Suspect | Onward | None":
+        """What a look on the way tells: what may be the goal, or a better route from here."""
+        suspect = self.arrival.note(look)
+        if suspect is not None and suspect.chance >= self.config.likely:
+            return suspect
+        again = self.plan(look)
+        if again.route is None or again.route.score <= _BETTER * route.score:
+            return None
+        return Onward(again.route, again, look)
 
     def home(self, place: Place, route: Route) -> bool:
         """From the last landmark to where the goal should be."""
@@ -188,9 +252,9 @@ class _Mission:
             suspect = Suspect(place, route.score, seen=False)
         return self.arrival.drive_to(suspect)
 
-    def approach(self, name: str, tracker: Tracker) -> str | Suspect:
-        """Drive to a landmark: "near", "lost", "blocked", or what came into view on the way."""
-        config, pilot = self.config, self.pilot
+    def approach(self, tracker: Tracker, route: Route) -> "str | Suspect | Onward":
+        """Drive to a landmark or place: "near", "lost", "blocked", or what came into view."""
+        config, pilot, name = self.config, self.pilot, tracker.name
         until_ns = pilot.until_ns(tracker.place)
         glanced, looked, stretch = 0.0, 0.0, 0.5
         while pilot.now.time_ns < until_ns:
@@ -217,9 +281,9 @@ class _Mission:
             if looked >= config.look_every_m:
                 glanced = looked = 0.0
                 look = pilot.look_around()
-                suspect = self.arrival.note(look)
-                if suspect is not None and suspect.chance >= config.likely:
-                    return suspect
+                seen = self.regard(look, route)
+                if seen is not None:
+                    return seen
                 tracker.update(look, pilot.here)
             elif glanced >= config.glance_every_m:
                 glanced = 0.0

@@ -1,30 +1,36 @@
 """Planning: who sees the goal, and by which chain of common landmarks to get there.
 
 The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of panoramas: the one
-in front of the robot and every other robot's newest.
+in front of the robot and those that the others have published.
 """
 
-from collections.abc import Callable, Mapping, Set
-from dataclasses import dataclass, field
-from itertools import pairwise
+from collections.abc import Callable, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from itertools import combinations, pairwise
 
 import numpy as np
 
 from vrchain.errors import VRChainError
-from vrchain.landmarks.common import CommonLandmark, Comparison
+from vrchain.landmarks.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planner import Chain
 from vrchain.navigation.stands import baseline_m
+from vrchain.navigation.terms import Published
 
-_FAR_M = 80.0  # a way this long by a landmark leaves 1/e of the chance to arrive
+_FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
+_RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
 _LEAST = 1e-300  # a chance is never nothing
 
-LandmarkKey = tuple[str, str, int]
+_FEW = 6  # panoramas: of no more, each two are compared
+_PARTNERS = 4  # of more, each with so many that look most alike, and with so many of others
+_OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
+
+LandmarkKey = tuple[bytes, bytes, int]
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +67,8 @@ class Plan:
     """The best route, or None; what is known of who sees the goal, in matches; the graph.
 
     spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
-    newest panorama is gone or is none. compared: what each two panoramas have in common.
+    panorama is gone or is none. published: the panoramas that can be read, by name. looks: what
+    each panorama shows, the robot's own ones too; compared: what two of them have in common.
     """
 
     route: Route | None
@@ -69,6 +76,8 @@ class Plan:
     graph: LandmarkGraph
     goal_seen_by: dict[str, GoalSight]
     unreadable: tuple[str, ...]
+    published: Mapping[str, Published] = field(default_factory=dict)
+    looks: Mapping[str, Look] = field(default_factory=dict)
     compared: Mapping[tuple[str, str], Comparison] = field(default_factory=dict)
 
     @property
@@ -76,9 +85,9 @@ class Plan:
         """Why there is no route, in plain words; empty if there is one."""
         if self.route is not None:
             return ""
-        if len(self.graph.robots) == 1 and self.unreadable:
+        if not self.published and self.unreadable:
             return f"no newest panorama can be read, of {', '.join(self.unreadable)}"
-        if len(self.graph.robots) == 1:
+        if not self.published:
             return "the ledger holds no panorama of another robot"
         if not self.goal_seen_by:
             return "no robot's newest panorama shows the goal"
@@ -90,53 +99,102 @@ class Plan:
 def plan(
     robot: str,
     current: Look,
-    newest: Mapping[str, bytes],
+    published: Mapping[str, Published],
     index: LandmarkIndex[Look],
     goal: KnownGoal,
     failed: Set[LandmarkKey] = frozenset(),
-    doubted: Set[str] = frozenset(),
+    doubted: Set[bytes] = frozenset(),
     trust: Callable[[str, str, Comparison], float] = lambda a, b, found: 1.0,
+    alike: Callable[[Look, Look], float] = lambda a, b: 0.0,
+    before: Sequence[Look] = (),
     spares: int = 2,
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
-    newest: digest of every other robot's newest panorama. failed: landmarks not to use again.
-    doubted: robots whose sighting of the goal is not to be trusted. trust: the chance that two
-    robots' panoramas were joined rightly. spares: how many more routes.
+    published: panoramas of others, by name. failed: landmarks not to use again. doubted: digests of
+    panoramas whose sight of the goal is not to be trusted. trust: the chance that two panoramas
+    were joined rightly. alike: how much two look alike, where there are too many to compare them
+    all. before: what the robot saw earlier, latest first, from where its odometry leads back; a
+    route may begin there. spares: how many more routes.
     """
-    unreadable = tuple(name for name in sorted(newest) if not _readable(index, newest[name]))
-    newest = {name: digest for name, digest in newest.items() if name not in unreadable}
+    unreadable = tuple(n for n in sorted(published) if not _readable(index, published[n].digest))
+    known = {name: p for name, p in published.items() if name not in unreadable}
+    own = {panorama_name(robot, k): look for k, look in enumerate((current, *before))}
+    looks = {**own, **{name: index.look(p.digest) for name, p in known.items()}}
     seen: dict[str, GoalSight] = {}
-    for name, digest in newest.items():
-        sighting = goal.find(index.look(digest))
-        if sighting and sighting.chance >= _LEAST_SIGHT and name not in doubted:
+    for name, p in known.items():
+        sighting = None if p.digest in doubted else goal.find(looks[name])
+        if sighting and sighting.chance >= _LEAST_SIGHT:
             seen[name] = sighting
-    names = [robot, *sorted(newest)]
-    claims, compared = [], {}
-    for i, a in enumerate(names):
-        for b in names[i + 1 :]:
-            found = (
-                index.compare_with(current, newest[b])
-                if a == robot
-                else index.compare(newest[a], newest[b])
-            )
-            compared[a, b] = found
-            right = trust(a, b, found)
-            apart_m = baseline_m(found, current.rig) or _TYPICAL_BASELINE_M
-            claims += [
-                Claim(a, b, common, max(right * worth(common, apart_m), _LEAST))
-                for common in found.common
-                if _key(a, b, common) not in failed
-            ]
+    surest = max((s.chance for s in seen.values()), default=0.0)
+    seen = {name: s for name, s in seen.items() if s.chance >= _RIVAL * surest}
+    names = [*own, *sorted(known, key=lambda name: (known[name].time_ns, name))]
+    digests = {**dict.fromkeys(own, b""), **{name: p.digest for name, p in known.items()}}
+
+    def key(claim: Claim) -> LandmarkKey:
+        # seen from b, whose panorama stands still while the driving robot's changes
+        bearing = claim.landmark.b.bearing_rad or 0.0
+        return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5)
+
+    def common_to(a: str, b: str) -> Comparison:
+        if a in own:
+            return index.compare_with(looks[a], digests[b])
+        return index.compare(digests[a], digests[b])
+
+    claims = [_way_back(a, b) for a, b in pairwise(own)]
+    compared = {}
+    for a, b in _partners(names, looks, alike):
+        if b in own:
+            continue
+        compared[a, b] = found = common_to(a, b)
+        right = trust(a, b, found)
+        apart_m = baseline_m(found, current.rig) or _TYPICAL_BASELINE_M
+        for common in found.common:
+            claim = Claim(a, b, common, max(right * worth(common, apart_m), _LEAST))
+            if key(claim) not in failed:
+                claims.append(claim)
     chances = {name: sighting.chance for name, sighting in seen.items()}
     graph = landmark_graph(names, claims, chances)
-    without = [k for k, (_, c) in enumerate(graph.legs) if _key(c.a, c.b, c.landmark) in failed]
+    without = [k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed]
     chains = graph.planner.routes(
         0, {names.index(name): chance for name, chance in chances.items()}, 1 + spares,
         without_legs=without,
     )  # fmt: skip
-    routes = tuple(_route(graph, chain, seen) for chain in chains)
-    return Plan(routes[0] if routes else None, routes[1:], graph, seen, unreadable, compared)
+    routes = tuple(_route(graph, chain, seen, key, set(own)) for chain in chains)
+    for leg in routes[0].legs if routes else ():
+        a, b = sorted((leg.seen_by, leg.next_by), key=names.index)
+        if (a, b) not in compared:  # what they see in common is known by way of a third
+            compared[a, b] = common_to(a, b)
+    best, spare = (routes[0], routes[1:]) if routes else (None, ())
+    return Plan(best, spare, graph, seen, unreadable, known, looks, compared)
+
+
+def panorama_name(robot: str, k: int) -> str:
+    """What a robot's panorama is called, the newest or the k-th before it."""
+    return f"{robot}-{k}" if k else robot
+
+
+def _way_back(a: str, b: str) -> Claim:
+    """From one own panorama to the one before: what odometry tells stands in for a landmark."""
+    nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
+    none = np.empty(0, dtype=np.int64)
+    return Claim(a, b, CommonLandmark(_OWN_WAY, nowhere, replace(nowhere), none, none), _OWN_WAY)
+
+
+def _partners(
+    names: Sequence[str], looks: Mapping[str, Look], alike: Callable[[Look, Look], float]
+) -> list[tuple[str, str]]:
+    """Which panoramas are compared: all of few; of many, those that look alike."""
+    pairs = list(combinations(names, 2))
+    if len(names) <= _FEW:
+        return pairs
+    pairs.sort(key=lambda pair: -alike(looks[pair[0]], looks[pair[1]]))
+    chosen: set[tuple[str, str]] = set()
+    for name in names:
+        own = [pair for pair in pairs if name in pair]
+        apart = [(a, b) for a, b in own if a.partition("-")[0] != b.partition("-")[0]]
+        chosen.update(own[:_PARTNERS], apart[:_PARTNERS])
+    return [pair for pair in combinations(names, 2) if pair in chosen]
 
 
 def _readable(index: LandmarkIndex[Look], digest: bytes) -> bool:
@@ -155,26 +213,28 @@ def worth(claim: CommonLandmark, baseline_m: float) -> float:
     """
     if claim.ranges is None:
         return claim.score
-    return claim.score * float(np.exp(-sum(claim.ranges) * baseline_m / _FAR_M))
+    return claim.score * float(np.exp(-((sum(claim.ranges) * baseline_m / _FAR_M) ** 2)))
 
 
-def _key(a: str, b: str, claim: CommonLandmark) -> LandmarkKey:
-    # seen from b, whose panorama stands still while the driving robot's changes
-    bearing = claim.b.bearing_rad if claim.b.bearing_rad is not None else 0.0
-    return (a, b, round(float(np.degrees(bearing)) / 5))
-
-
-def _route(graph: LandmarkGraph, chain: Chain, seen: Mapping[str, GoalSight]) -> Route:
+def _route(
+    graph: LandmarkGraph,
+    chain: Chain,
+    seen: Mapping[str, GoalSight],
+    key: Callable[[Claim], LandmarkKey],
+    own: Set[str],
+) -> Route:
+    """A chain as a route, which begins at the last of the robot's own panoramas in it."""
     robots = [graph.robots[i] for i in chain.robots]
+    begins = max(k for k, name in enumerate(robots) if name in own)
     legs = tuple(
-        _leg(*pair, graph.legs[k][1], graph.name(landmark))
+        _leg(*pair, graph.legs[k][1], key(graph.legs[k][1]), graph.name(landmark))
         for pair, k, landmark in zip(pairwise(robots), chain.legs, chain.landmarks, strict=True)
-    )
+    )[begins:]
     return Route(legs, robots[-1], seen[robots[-1]], chain.score)
 
 
-def _leg(a: str, b: str, claim: Claim, node: str) -> Leg:
-    landmark, key = claim.landmark, _key(claim.a, claim.b, claim.landmark)
+def _leg(a: str, b: str, claim: Claim, key: LandmarkKey, node: str) -> Leg:
+    landmark = claim.landmark
     if (claim.a, claim.b) != (a, b):  # walked against the order of comparison
         ranges = landmark.ranges[::-1] if landmark.ranges else None
         landmark = CommonLandmark(

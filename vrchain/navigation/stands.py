@@ -19,23 +19,23 @@ class Stands:
     """Where the panoramas were taken by each look so far."""
 
     def __init__(self) -> None:
-        self._told: dict[bytes, list[tuple[Pose, Pose, float]]] = {}
+        self._told: dict[bytes, dict[Pose, Pose]] = {}  # by where the look was taken
 
     def agree(self, here: Pose, digest: bytes, found: Comparison, rig: CameraRig) -> bool:
         """Take in what a look from ``here`` tells; whether one from elsewhere told the same."""
         stand = stand_of(here, found, rig)
         if stand is None:
             return False
-        told = self._told.setdefault(digest, [])
+        told = self._told.setdefault(digest, {})
+        told[here] = stand
         away_m = here.distance_to_m(stand.xy_m)
-        agreed = any(
+        return any(
             here.distance_to_m(then.xy_m) >= _APART_M
-            and stand.distance_to_m(before.xy_m) <= _OFF * max(away_m, before_m) + _OFF_M
-            and abs(float(wrap_angle_rad(stand.yaw_rad - before.yaw_rad))) <= _OFF_RAD
-            for then, before, before_m in told
+            and stand.distance_to_m(other.xy_m)
+            <= _OFF * max(away_m, then.distance_to_m(other.xy_m)) + _OFF_M
+            and abs(float(wrap_angle_rad(stand.yaw_rad - other.yaw_rad))) <= _OFF_RAD
+            for then, other in told.items()
         )
-        told.append((here, stand, away_m))
-        return agreed
 
 
 def baseline_m(found: Comparison, rig: CameraRig) -> float | None:

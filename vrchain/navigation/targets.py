@@ -1,4 +1,8 @@
-"""Where a route's landmarks and the goal should be, in the frame of the robot's odometry."""
+"""What a route is driven to, and where it should be in the frame of the robot's odometry.
+
+That is each leg's landmark, or, where the landmark lies far aside, the place where the next
+panorama was taken.
+"""
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
@@ -17,6 +21,8 @@ from vrchain.navigation.tracker import Tracker
 
 _FARTHEST_M = 80.0  # from farther away nothing is driven to
 _STAND_DOUBT = 0.15  # of the distance to where another panorama was taken, as a share
+_ASIDE_M = 5.0  # a landmark so much farther than the next panorama's place lies aside
+_PLACE_STD_M = 1.0  # of a place next to the robot
 _SAME_RAD = 0.1  # between a claim's region and its proposal
 
 
@@ -24,22 +30,24 @@ def targets(
     route: Route,
     looks: Sequence[Look],
     compared: Mapping[tuple[str, str], Comparison],
+    begin: Pose,
     here: Pose,
     calibration: Calibration,
 ) -> tuple[list[Tracker], Place | None]:
-    """The route's landmarks, as many as the panoramas tell of, and the goal, if they tell.
+    """What the route's legs lead to, as many as the panoramas tell of, and the goal, if they tell.
 
     looks: of each robot of the route, the driving one first; compared: what each two of the plan's
-    panoramas have in common.
+    panoramas have in common. begin: where the first was taken; here: where the robot is.
     """
-    stands: list[Pose | None] = [here]
+    stands: list[Pose | None] = [begin]
     rig = looks[0].rig
     for a, b in pairwise(route.robots):
         between, back = _asked(a, b, compared)
         stand = stands[-1]
         stands.append(None if stand is None else stand_of(stand, between, rig, back))
-    found = []
+    found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
+        name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
         ranges = leg.landmark.ranges or (None, None)
         between, _ = _asked(leg.seen_by, leg.next_by, compared)
         apart_m = baseline_m(between, rig)
@@ -56,13 +64,23 @@ def targets(
                 range_m = share * apart_m
             if stand is not None and range_m < _FARTHEST_M:
                 off_m = _STAND_DOUBT * stand.distance_to_m(here.xy_m)
-                place = sighted(stand, region.bearing_rad or 0.0, range_m)
-                places.append(place.unsure(off_m))
-        if not places:
+                seen_at = sighted(stand, region.bearing_rad or 0.0, range_m)
+                places.append(seen_at.unsure(off_m))
+        place: Place | None = None
+        onward = stands[i + 1]
+        if places:
+            place = places[0] if i == 0 or len(places) == 1 else places[0].with_sight(places[1])
+        if onward is not None:
+            onward_m = float(np.hypot(*(onward.xy_m - last_xy_m)))
+            if place is None or np.hypot(*(place.xy_m - last_xy_m)) > onward_m + _ASIDE_M:
+                std_m = _PLACE_STD_M + _STAND_DOUBT * onward.distance_to_m(here.xy_m)
+                place, embedding = Place(onward.xy_m, std_m**2 * np.eye(2)), []
+                name = f"where {leg.next_by} looked around"
+        if place is None:
             break
-        place = places[0] if i == 0 or len(places) == 1 else places[0].with_sight(places[1])
         seen_as = np.stack(embedding) if embedding else np.empty((0, 0), dtype=np.float32)
-        found.append(Tracker(place, seen_as, calibration))
+        found.append(Tracker(name, place, seen_as, calibration))
+        last_xy_m = place.xy_m
     last, goal = stands[-1], None
     if last is not None:
         goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)

@@ -1,4 +1,4 @@
-"""Keeping a landmark in mind while driving towards it: where it is, and whether a view shows it."""
+"""Keeping in mind what is driven to: where it is, and whether a view shows it."""
 
 from dataclasses import dataclass
 
@@ -16,12 +16,13 @@ _LEAST = 0.0  # log-likelihood ratio of looks and place from which it is taken f
 
 @dataclass(eq=False)
 class Tracker:
-    """A landmark that is driven to.
+    """A landmark, or a mere place, that is driven to.
 
-    place: where it is believed to be; embedding: (k, d) of how it was seen; seen: sights of it, and
-    missed: looks since the last one.
+    place: where it is believed to be; embedding: (k, d) of how it was seen, none of a mere place;
+    seen: sights of it, and missed: looks since the last one.
     """
 
+    name: str
     place: Place
     embedding: NDArray[np.float32]
     calibration: Calibration
@@ -34,6 +35,8 @@ class Tracker:
 
     def update(self, look: Look, here: Pose) -> bool:
         """Take in a look that should show it; whether it does."""
+        if len(self.embedding) == 0:
+            return False
         best = self._best(look, here)
         if best is None:
             self.missed += 1
@@ -46,7 +49,7 @@ class Tracker:
 
     def _best(self, look: Look, here: Pose) -> tuple[int, Place] | None:
         p = look.proposals
-        if len(p) == 0 or len(self.embedding) == 0:
+        if len(p) == 0:
             return None
         looks = self.calibration.looks((p.embedding @ self.embedding.T).max(axis=1))
         found = []
