@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.common import Comparison, compare
+from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.recognition import LOWEST_SLOPE, Goal, template_around
 from vrchain.landmarks.sift import Features
@@ -225,15 +226,24 @@ class PlainIndex:
 
     def __init__(self, plain: Plain, poses: Mapping[str, Pose]) -> None:
         self.plain, self.poses = plain, poses
+        self._index = LandmarkIndex(
+            lambda digest: digest,
+            lambda digest: None,
+            lambda name, none: self.shown(name),
+            compared,
+        )
+
+    def shown(self, digest: bytes) -> Look:
+        return self.plain.look(self.poses[digest.decode()])
 
     def published(self) -> dict[str, Published]:
         return {name: Published(name.encode()) for name in self.poses}
 
     def look(self, digest: bytes) -> Look:
-        return self.plain.look(self.poses[digest.decode()])
+        return self._index.look(digest)
 
     def compare(self, a: bytes, b: bytes) -> Comparison:
-        return compared(self.look(a), self.look(b))
+        return self._index.compare(a, b)
 
     def compare_with(self, current: Look, b: bytes) -> Comparison:
-        return compared(current, self.look(b))
+        return self._index.compare_with(current, b)

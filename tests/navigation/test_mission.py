@@ -337,3 +337,35 @@ def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
     assert range_along_m(ring, -0.05) == 1.0
     assert range_along_m(ring, 0.5) == 8.0
     assert range_along_m(np.array([4.0]), 2.0) == np.inf
+
+
+def within(centre: tuple[float, float], range_m: float):
+    """Visible from so near only."""
+    return lambda pose: pose.distance_to_m(centre) < range_m
+
+
+def avenue() -> Plain:
+    """Things on both sides of 60 m of way, each seen from 20 m at most, and a goal at its end."""
+    sides = [
+        Thing(f"{side} {x_m}", (x_m, y_m), 1.0, n=160, visible_from=within((x_m, y_m), 20.0))
+        for x_m in range(-3, 62, 6)
+        for side, y_m in (("left", 6.0), ("right", -6.0))
+    ]
+    goal = Thing("goal", (60.0, 1.0), visible_from=within((60.0, 1.0), 15.0))
+    return Plain((*sides, goal))
+
+
+def test_a_trail_of_panoramas_leads_to_a_goal_that_was_seen_long_ago() -> None:
+    """R2 has come from the goal to the robot: its newest panorama shows nothing of the goal."""
+    trail = {"R2" if k == 0 else f"R2-{k}": Pose(10.0 * k, 1.0, 3.0) for k in range(6)}
+    start = Pose(-4.0, -1.0, 1.0)
+    goal = avenue().goal("goal", 3.0, 2.0, -2.0)
+    newest, _ = drive(avenue(), {"R2": trail["R2"]}, start=start, goal=goal)
+    assert not newest.arrived and "no robot's newest panorama shows the goal" in newest.reason
+    result, body = drive(avenue(), trail, start=start, goal=goal)
+    check_log(result)
+    assert result.arrived, result.decisions
+    assert body.pose.distance_to_m((60.0, 1.0)) < 1.5 + QUICK.arrival_m + 0.3
+    assert len(result.plans[0][1].legs) >= 2
+    driven_m = np.hypot(*np.diff(body.path, axis=0).T).sum()
+    assert driven_m < 1.25 * 64.0  # along the avenue, and not to each landmark at its side

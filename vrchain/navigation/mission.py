@@ -229,7 +229,11 @@ class _Mission:
                 return False
             self.reached.add(leg.key)
         if len(trackers) < len(route.legs) or goal is None:
-            return False  # from here it will see more
+            if not drove:  # or else from here it will see more
+                lost = route.legs[min(len(trackers), len(route.legs) - 1)]
+                self.log("lost", f"nothing tells how far {lost.next_by} is from {lost.seen_by}")
+                self.failed.add(lost.key)
+            return False
         if self.home(goal, route):
             return True
         self.doubted.add(found.published[route.seen_by].digest)

@@ -31,11 +31,11 @@ class MissionConfig:
     sure_matches: int = 15  # keypoints that agree with one of its pictures, to claim arrival
     likely: float = 0.5  # chance of a sight from which nothing else is tried first
     least_chance: float = 0.1  # of a sight that is kept in mind
-    least_score: float = 0.03  # of a route that is worth driving: on its way it looks around too
+    least_score: float = 0.05  # of a route that is worth driving: on its way it looks around too
     explores: bool = True  # whether it goes and looks elsewhere where no route leads on
     explore_m: float = 26.0  # from all places where it has looked around
     lasting_s: float = 3600.0  # a view this old leaves 1/e of the chance that it still holds
-    chance_per_m: float = 0.006  # of finding the goal by exploring: a detour is to be worth more
+    chance_per_m: float = 0.012  # of finding the goal by exploring: a detour is to be worth more
     stuck_after_s: float = 15.0  # without half a metre of headway
     leg_limit_s: float = 30.0  # for one approach, beside the way; what takes longer leads astray
     limit_s: float = 600.0
