@@ -56,7 +56,7 @@ def test_what_others_remember_of_it_is_named_from_the_newest_back(tmp_path: Path
     with ledger:
         history = ledger.history("R2")
         known = published_of(ledger, "R1", 99)()
-        assert [known[n].digest for n in ("R2", "R2-1")] == [
+        assert [known[n].digest for n in ("R2", "R2~1")] == [
             t.payload_digest for t in history[:-3:-1]
         ]
         assert known["R2"].time_ns == history[-1].timestamp_ns

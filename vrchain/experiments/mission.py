@@ -139,7 +139,7 @@ def run(
 def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:
     """Asks a ledger for the newest panoramas of each other robot, at most so many.
 
-    R2 is robot R2's newest, R2-1 the one before, and so on.
+    R2 is robot R2's newest, R2~1 the one before, and so on.
     """
 
     def published() -> dict[str, Published]:

@@ -28,6 +28,7 @@ _LEAST = 1e-300  # a chance is never nothing
 
 _FEW = 6  # panoramas: of no more, each two are compared
 _PARTNERS = 4  # of more, each with so many that look most alike, and with so many of others
+_BEFORE = "~"
 _OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
 
 LandmarkKey = tuple[bytes, bytes, int]
@@ -86,11 +87,11 @@ class Plan:
         if self.route is not None:
             return ""
         if not self.published and self.unreadable:
-            return f"no newest panorama can be read, of {', '.join(self.unreadable)}"
+            return f"no panorama can be read, of {', '.join(self.unreadable)}"
         if not self.published:
             return "the ledger holds no panorama of another robot"
         if not self.goal_seen_by:
-            return "no robot's newest panorama shows the goal"
+            return "no other robot's panorama shows the goal"
         names = ", ".join(sorted(self.goal_seen_by))
         sees = "sees" if len(self.goal_seen_by) == 1 else "see"
         return f"{names} {sees} the goal, but no chain of common landmarks leads there"
@@ -170,8 +171,8 @@ def plan(
 
 
 def panorama_name(robot: str, k: int) -> str:
-    """What a robot's panorama is called, the newest or the k-th before it."""
-    return f"{robot}-{k}" if k else robot
+    """What a robot's panorama is called, the newest or the k-th before it, as git has it."""
+    return f"{robot}{_BEFORE}{k}" if k else robot
 
 
 def _way_back(a: str, b: str) -> Claim:
@@ -192,7 +193,7 @@ def _partners(
     chosen: set[tuple[str, str]] = set()
     for name in names:
         own = [pair for pair in pairs if name in pair]
-        apart = [(a, b) for a, b in own if a.partition("-")[0] != b.partition("-")[0]]
+        apart = [(a, b) for a, b in own if a.split(_BEFORE)[0] != b.split(_BEFORE)[0]]
         chosen.update(own[:_PARTNERS], apart[:_PARTNERS])
     return [pair for pair in combinations(names, 2) if pair in chosen]
 

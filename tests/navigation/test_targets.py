@@ -1,0 +1,61 @@
+"""What a route is driven to: its landmarks, and what lies nearer than they do."""
+
+import numpy as np
+import pytest
+
+from navigation.plains import CALIBRATION, RIG, Plain, Thing
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import CommonLandmark, Comparison, Region
+from vrchain.landmarks.epipolar import PlanarGeometry
+from vrchain.navigation.goal import GoalSight
+from vrchain.navigation.places import Place
+from vrchain.navigation.route import Leg, Route
+from vrchain.navigation.targets import targets
+from vrchain.navigation.tracker import Tracker
+
+HERE, NEXT = Pose(0.0, 0.0, 0.0), Pose(12.0, 0.0, 1.0)
+NONE = np.empty(0, dtype=np.int64)
+SIGHT = GoalSight(-0.9, 10.0, 9.0, 0.2, 40, 2.0, 0.9)
+EMPTY = Plain((Thing("behind", (-90.0, 0.0)),)).look(HERE)
+
+
+def region(pose: Pose, xy_m: tuple[float, float]) -> Region:
+    return Region(0, (0.0, 0.0, 9.0, 9.0), pose.bearing_to_rad(xy_m), 0.1)
+
+
+def driven_to(xy_m: tuple[float, float], joined: bool = True) -> tuple[list[Tracker], Place | None]:
+    """By which R1 gets on, at the origin, where R2, 12 m ahead, sees this landmark and the goal."""
+    apart_m = HERE.distance_to_m(NEXT.xy_m)
+    ranges = HERE.distance_to_m(xy_m) / apart_m, NEXT.distance_to_m(xy_m) / apart_m
+    landmark = CommonLandmark(0.9, region(HERE, xy_m), region(NEXT, xy_m), NONE, NONE, ranges)
+    route = Route((Leg("R1", "R2", landmark, (b"", b"R2", 0), "N1"),), "R2", SIGHT, 0.8)
+    geometry = PlanarGeometry(0.0, 1.0, NONE.astype(bool), 0.01, apart_m / RIG.camera_height_m)
+    compared = {("R1", "R2"): Comparison((landmark,), geometry if joined else None)}
+    return targets(route, [EMPTY, EMPTY], compared, HERE, HERE, CALIBRATION)
+
+
+def test_a_landmark_on_the_way_is_driven_to_and_then_the_goal() -> None:
+    (tracker,), goal = driven_to((8.0, 4.0))
+    assert tracker.name == "landmark 1, common to R1 and R2"
+    assert tracker.place.xy_m == pytest.approx([8.0, 4.0], abs=0.01)
+    assert goal is not None
+    assert goal.xy_m == pytest.approx([12 + 9 * np.cos(0.1), 9 * np.sin(0.1)], abs=0.01)
+
+
+def test_where_the_landmark_lies_aside_the_next_robots_place_is_driven_to() -> None:
+    (tracker,), _ = driven_to((6.0, 25.0))
+    assert tracker.name == "where R2 looked around"
+    assert tracker.place.xy_m == pytest.approx([12.0, 0.0]) and tracker.place.std_m > 1.0
+    assert tracker.update(EMPTY, HERE) is False
+    assert (tracker.seen, tracker.missed) == (0, 0)  # a place shows nothing of its own
+
+
+def test_what_nothing_tells_of_ends_the_list() -> None:
+    assert driven_to((8.0, 4.0), joined=False) == ([], None)
+
+
+@pytest.mark.parametrize("way_m", [0.0, 30.0])
+def test_a_belief_fades_with_the_way(way_m: float) -> None:
+    tracker = Tracker("a place", Place(np.zeros(2), np.eye(2)), np.empty((0, 0)), CALIBRATION)
+    tracker.moved(way_m)
+    assert tracker.place.std_m == pytest.approx(np.hypot(1.0, 0.03 * way_m))
