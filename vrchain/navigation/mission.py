@@ -15,7 +15,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import Arrival, Suspect
-from vrchain.navigation.driving import Pilot
+from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.exploring import Explorer
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import FoundOnce, KnownGoal
@@ -30,6 +30,7 @@ from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
+_SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _BETTER = 1.01  # times as sure a route is taken instead of the one that is driven
 _OWN = 8  # latest looks from which a route may begin
 
@@ -105,6 +106,7 @@ class _Mission:
         self.own: list[tuple[Pose, Look]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], float] = {}
         self.reached: set[LandmarkKey] = set()
+        self.in_vain: list[Array] = []  # where the goal should have been
         self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
         self.arrival = (
             PlaceArrival(pilot, goal, self.log)
@@ -198,7 +200,10 @@ class _Mission:
         trackers, goal = targets(
             route, looks, found.compared, begin, pilot.here, pilot.eyes.calibration
         )
-        if goal is not None and self.arrival.was_mistaken(goal):
+        if goal is not None and (
+            self.arrival.was_mistaken(goal)
+            or any(np.hypot(*(goal.xy_m - before)) < _SAME_M for before in self.in_vain)
+        ):
             self.log("doubt", f"what {route.seen_by} sees is not the goal, as was found before")
             self.doubted.add(found.published[route.seen_by].digest)
             return False
@@ -236,6 +241,7 @@ class _Mission:
             return False
         if self.home(goal, route):
             return True
+        self.in_vain.append(goal.xy_m)
         self.doubted.add(found.published[route.seen_by].digest)
         return False
 
