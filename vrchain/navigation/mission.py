@@ -30,6 +30,7 @@ from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
+_PATIENCE = 0.7  # times as sure need a route be, after each look elsewhere, to be worth driving
 _SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _BETTER = 1.01  # times as sure a route is taken instead of the one that is driven
 _OWN = 8  # latest looks from which a route may begin
@@ -123,6 +124,7 @@ class _Mission:
 
     def run(self) -> None:
         """Until it has arrived; GaveUp if it cannot."""
+        fruitless = 0  # looks elsewhere since a route was driven
         while len(self.pilot.looks) < self.config.max_looks:
             look = self.pilot.look_around()
             self.arrival.note(look)
@@ -132,8 +134,10 @@ class _Mission:
                     return
                 continue
             found = self.plan(look)
-            least = self.config.least_score if suspect is None else suspect.chance
+            least = self.config.least_score * _PATIENCE**fruitless
+            least = least if suspect is None else suspect.chance
             if found.route is not None and found.route.score >= least:
+                fruitless = 0
                 if self.follow(found.route, found, look):
                     return
                 self.log("plan again", "the goal was not reached this way")
@@ -146,6 +150,7 @@ class _Mission:
                     raise GaveUp(why)
                 self.log("no route", why, len(self.pilot.looks) - 1)
                 self.explorer.drive_on()
+                fruitless += 1
         raise GaveUp(f"the goal was not found in {self.config.max_looks} looks around")
 
     def plan(self, look: Look) -> Plan:
