@@ -10,6 +10,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
 from vrchain.navigation.driving import range_along_m
+from vrchain.navigation.eyes import Eyes
 from vrchain.navigation.goal import GoalPictures
 from vrchain.navigation.mission import MissionResult, run_mission
 from vrchain.navigation.terms import Decision, MissionConfig, Published
@@ -23,6 +24,11 @@ PATIENT = MissionConfig(explores=False)
 def beyond(x_m: float):
     """Visible only from east of x."""
     return lambda pose: pose.x_m > x_m
+
+
+def within(centre: tuple[float, float], range_m: float):
+    """Visible from so near only."""
+    return lambda pose: pose.distance_to_m(centre) < range_m
 
 
 def street(**goal: object) -> Plain:
@@ -51,12 +57,13 @@ def drive(
     index: PlainIndex | None = None,
     shut_in: bool = False,
     told: list[Decision] | None = None,
+    eyes: Eyes = EYES,
 ) -> tuple[MissionResult, Walker]:
     body = Walker(plain, start, shut_in)
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
     tell = (lambda d: None) if told is None else told.append
-    return run_mission("R1", body, index.published, index, goal, EYES, config, tell), body
+    return run_mission("R1", body, index.published, index, goal, eyes, config, tell), body
 
 
 def words(result: MissionResult) -> list[str]:
@@ -227,6 +234,30 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
         assert "route" not in after
 
 
+def test_what_has_gone_is_sought_once_whoever_saw_it() -> None:
+    """R2 and R3 saw the goal where there is nothing any more."""
+    then, now = street(), Plain(street().things[1:])
+    index = PlainIndex(then, {**TEAM, "R3": Pose(9.0, 5.5, 1.0)})
+    goal = then.goal("goal", 3.9, 3.4, -2.0, 1.0)
+    result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT)
+    check_log(result, PATIENT)
+    assert not result.arrived
+    assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
+    assert any("as was found before" in d.why for d in result.decisions)
+
+
+def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:
+    plain = street(visible_from=within(GOAL_XY, 9.0))
+    score = drive(plain, TEAM, config=PATIENT)[0].plans[0][1].score
+    demanding = replace(PATIENT, least_score=1.2 * score, explore_m=4.0)
+    refused, _ = drive(plain, TEAM, config=demanding)
+    assert refused.reason == "the best chain is too unsure to be worth driving"
+    result, _ = drive(plain, TEAM, config=replace(demanding, explores=True))
+    check_log(result, demanding)
+    assert result.arrived and words(result)[:2] == ["no route", "explore"]
+    assert result.plans[0][1].score < demanding.least_score
+
+
 def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
     plain = Plain((Thing("double", (9.0, 5.0), looks="goal", share=0.1), *street().things[1:]))
     goal = street().goal("goal", 3.9, 3.4, -2.6, 1.0)
@@ -337,11 +368,6 @@ def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
     assert range_along_m(ring, -0.05) == 1.0
     assert range_along_m(ring, 0.5) == 8.0
     assert range_along_m(np.array([4.0]), 2.0) == np.inf
-
-
-def within(centre: tuple[float, float], range_m: float):
-    """Visible from so near only."""
-    return lambda pose: pose.distance_to_m(centre) < range_m
 
 
 def avenue() -> Plain:
