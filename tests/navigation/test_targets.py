@@ -23,7 +23,9 @@ def region(pose: Pose, xy_m: tuple[float, float]) -> Region:
     return Region(0, (0.0, 0.0, 9.0, 9.0), pose.bearing_to_rad(xy_m), 0.1)
 
 
-def driven_to(xy_m: tuple[float, float], joined: bool = True) -> tuple[list[Tracker], Place | None]:
+def driven_to(
+    xy_m: tuple[float, float], joined: bool = True
+) -> tuple[list[Tracker], Place | None, Tracker | None]:
     """By which R1 gets on, at the origin, where R2, 12 m ahead, sees this landmark and the goal."""
     apart_m = HERE.distance_to_m(NEXT.xy_m)
     ranges = HERE.distance_to_m(xy_m) / apart_m, NEXT.distance_to_m(xy_m) / apart_m
@@ -35,15 +37,17 @@ def driven_to(xy_m: tuple[float, float], joined: bool = True) -> tuple[list[Trac
 
 
 def test_a_landmark_on_the_way_is_driven_to_and_then_the_goal() -> None:
-    (tracker,), goal = driven_to((8.0, 4.0))
+    (tracker,), goal, lookout = driven_to((8.0, 4.0))
     assert tracker.name == "landmark 1, common to R1 and R2"
     assert tracker.place.xy_m == pytest.approx([8.0, 4.0], abs=0.01)
-    assert goal is not None
+    assert goal is not None and lookout is not None
+    assert lookout.name == "where R2 looked around"
+    assert lookout.place.xy_m == pytest.approx([12.0, 0.0])
     assert goal.xy_m == pytest.approx([12 + 9 * np.cos(0.1), 9 * np.sin(0.1)], abs=0.01)
 
 
 def test_where_the_landmark_lies_aside_the_next_robots_place_is_driven_to() -> None:
-    (tracker,), _ = driven_to((6.0, 25.0))
+    (tracker,), *_ = driven_to((6.0, 25.0))
     assert tracker.name == "where R2 looked around"
     assert tracker.place.xy_m == pytest.approx([12.0, 0.0]) and tracker.place.std_m > 1.0
     assert tracker.update(EMPTY, HERE) is False
@@ -51,7 +55,7 @@ def test_where_the_landmark_lies_aside_the_next_robots_place_is_driven_to() -> N
 
 
 def test_what_nothing_tells_of_ends_the_list() -> None:
-    assert driven_to((8.0, 4.0), joined=False) == ([], None)
+    assert driven_to((8.0, 4.0), joined=False) == ([], None, None)
 
 
 @pytest.mark.parametrize("way_m", [0.0, 30.0])

@@ -202,7 +202,7 @@ class _Mission:
             p for k, (p, _) in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
         )
         looks = [found.looks[name] for name in names]
-        trackers, goal = targets(
+        trackers, goal, lookout = targets(
             route, looks, found.compared, begin, pilot.here, pilot.eyes.calibration
         )
         if goal is not None and (
@@ -246,6 +246,8 @@ class _Mission:
             return False
         if self.home(goal, route):
             return True
+        if lookout is not None and self.from_lookout(lookout, route):
+            return True
         self.in_vain.append(goal.xy_m)
         self.doubted.add(found.published[route.seen_by].digest)
         return False
@@ -266,6 +268,14 @@ class _Mission:
         if suspect is None or suspect.chance < self.config.likely:
             suspect = Suspect(place, route.score, seen=False)
         return self.arrival.drive_to(suspect)
+
+    def from_lookout(self, lookout: Tracker, route: Route) -> bool:
+        """The goal is not where it should be: look for it from where it was seen."""
+        self.log("lookout", f"to {lookout.name}")
+        seen = self.approach(lookout, route)
+        if seen == "near":
+            seen = self.arrival.note(self.pilot.look_around()) or seen
+        return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
 
     def approach(self, tracker: Tracker, route: Route) -> "str | Suspect | Onward":
         """Drive to a landmark or place: "near", "lost", "blocked", or what came into view."""

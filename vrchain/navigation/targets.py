@@ -33,8 +33,10 @@ def targets(
     begin: Pose,
     here: Pose,
     calibration: Calibration,
-) -> tuple[list[Tracker], Place | None]:
-    """What the route's legs lead to, as many as the panoramas tell of, and the goal, if they tell.
+) -> tuple[list[Tracker], Place | None, Tracker | None]:
+    """What the route's legs lead to, as many as the panoramas tell of; goal and lookout, if known.
+
+    The lookout is from where the goal was seen.
 
     looks: of each robot of the route, the driving one first; compared: what each two of the plan's
     panoramas have in common. begin: where the first was taken; here: where the robot is.
@@ -73,19 +75,28 @@ def targets(
         if onward is not None:
             onward_m = float(np.hypot(*(onward.xy_m - last_xy_m)))
             if place is None or np.hypot(*(place.xy_m - last_xy_m)) > onward_m + _ASIDE_M:
-                std_m = _PLACE_STD_M + _STAND_DOUBT * onward.distance_to_m(here.xy_m)
-                place, embedding = Place(onward.xy_m, std_m**2 * np.eye(2)), []
-                name = f"where {leg.next_by} looked around"
+                found.append(_lookout(leg.next_by, onward, here, calibration))
+                last_xy_m = onward.xy_m
+                continue
         if place is None:
             break
         seen_as = np.stack(embedding) if embedding else np.empty((0, 0), dtype=np.float32)
         found.append(Tracker(name, place, seen_as, calibration))
         last_xy_m = place.xy_m
-    last, goal = stands[-1], None
-    if last is not None:
-        goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)
-        goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
-    return found, goal
+    last = stands[-1]
+    if last is None:
+        return found, None, None
+    goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)
+    goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
+    return found, goal, _lookout(route.seen_by, last, here, calibration)
+
+
+def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tracker:
+    """A panorama's place, to drive to."""
+    std_m = _PLACE_STD_M + _STAND_DOUBT * stand.distance_to_m(here.xy_m)
+    place = Place(stand.xy_m, std_m**2 * np.eye(2))
+    none = np.empty((0, 0), dtype=np.float32)
+    return Tracker(f"where {name} looked around", place, none, calibration)
 
 
 def _asked(
