@@ -40,7 +40,7 @@ _OWN = 8  # latest looks from which a route may begin
 class MissionResult:
     """How it ended, by the robot's own judgement, and why; its log, looks and plans.
 
-    plans: each route with the index, in looks, of the panorama from which it was planned.
+    plans: each route with the index, in looks, of the robot's panorama that it begins with.
     """
 
     arrived: bool
@@ -104,7 +104,7 @@ class _Mission:
         self.decisions: list[Decision] = []
         self.plans: list[tuple[int, Route]] = []
         self.failed: set[LandmarkKey] = set()
-        self.own: list[tuple[Pose, Look]] = []  # where it planned, what it saw; latest first
+        self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], float] = {}
         self.reached: set[LandmarkKey] = set()
         self.in_vain: list[Array] = []  # where the goal should have been
@@ -156,7 +156,7 @@ class _Mission:
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""
         published, eyes = self.published(), self.pilot.eyes
-        self.own.insert(0, (self.pilot.here, look))
+        self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
         latest = self.own[:_OWN]
         own = {panorama_name(self.robot, k): seen for k, seen in enumerate(latest)}
 
@@ -169,7 +169,7 @@ class _Mission:
 
         return plan(
             self.robot, look, published, self.index, self.goal, self.failed, self.doubted, trust,
-            self.alike, [seen for _, seen in latest[1:]],
+            self.alike, [seen for _, seen, _ in latest[1:]],
         )  # fmt: skip
 
     def alike(self, a: Look, b: Look) -> float:
@@ -197,10 +197,10 @@ class _Mission:
             "route", f"{' - '.join(names)} - goal, by {len(route.legs)} common landmarks", number,
             score=round(route.score, 3),
         )  # fmt: skip
-        self.plans.append((number, route))
-        begin = next(
-            p for k, (p, _) in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
+        begin, _, first = next(
+            own for k, own in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
         )
+        self.plans.append((first, route))
         looks = [found.looks[name] for name in names]
         trackers, goal, lookout = targets(
             route, looks, found.compared, begin, pilot.here, pilot.eyes.calibration

@@ -116,7 +116,8 @@ def _chain_rows(run: MissionRun) -> list[tuple[str, Panorama, list[tuple[str, st
 
 
 def _seen(run: MissionRun, name: str, look: int) -> Panorama:
-    return run.result.looks[look] if name == run.robot else run.panoramas[name]
+    own = name.split("~")[0] == run.robot  # R1~2: an earlier panorama of its own
+    return run.result.looks[look] if own else run.panoramas[name]
 
 
 def _goal_region(route: Route) -> Region:
