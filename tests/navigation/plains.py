@@ -221,29 +221,17 @@ class Walker:
         self.path.append((self.pose.x_m, self.pose.y_m))
 
 
-class PlainIndex:
+class PlainIndex(LandmarkIndex[Look]):
     """A ledger's panoramas, by the digest that is the robot's name."""
 
     def __init__(self, plain: Plain, poses: Mapping[str, Pose]) -> None:
-        self.plain, self.poses = plain, poses
-        self._index = LandmarkIndex(
+        self.poses = poses
+        super().__init__(
             lambda digest: digest,
             lambda digest: None,
-            lambda name, none: self.shown(name),
+            lambda name, none: plain.look(poses[name.decode()]),
             compared,
         )
 
-    def shown(self, digest: bytes) -> Look:
-        return self.plain.look(self.poses[digest.decode()])
-
     def published(self) -> dict[str, Published]:
         return {name: Published(name.encode()) for name in self.poses}
-
-    def look(self, digest: bytes) -> Look:
-        return self._index.look(digest)
-
-    def compare(self, a: bytes, b: bytes) -> Comparison:
-        return self._index.compare(a, b)
-
-    def compare_with(self, current: Look, b: bytes) -> Comparison:
-        return self._index.compare_with(current, b)

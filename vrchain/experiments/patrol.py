@@ -11,7 +11,6 @@ from vrchain.simulator import Simulator
 
 LOOK_EVERY_M = 12.0
 _THINKS_EVERY_S = 0.6
-_TICK_S = 0.6
 _BEEN_EVERY_M = 5.0
 
 
@@ -32,7 +31,7 @@ class Patrol:
         """Let them patrol for a while."""
         until_ns = self._simulator.clock_ns + int(duration_s * 1e9)
         while self._simulator.clock_ns < until_ns:
-            self._simulator.step(self.drives(), _TICK_S)
+            self._simulator.step(self.drives(), _THINKS_EVERY_S)
 
     def drives(self) -> Mapping[str, Drive]:
         """What each does now; they think, look and publish in between."""

@@ -175,6 +175,11 @@ def panorama_name(robot: str, k: int) -> str:
     return f"{robot}{_BEFORE}{k}" if k else robot
 
 
+def robot_of(panorama: str) -> str:
+    """Whose panorama has such a name."""
+    return panorama.partition(_BEFORE)[0]
+
+
 def _way_back(a: str, b: str) -> Claim:
     """From one own panorama to the one before: what odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
@@ -193,7 +198,7 @@ def _partners(
     chosen: set[tuple[str, str]] = set()
     for name in names:
         own = [pair for pair in pairs if name in pair]
-        apart = [(a, b) for a, b in own if a.split(_BEFORE)[0] != b.split(_BEFORE)[0]]
+        apart = [(a, b) for a, b in own if robot_of(a) != robot_of(b)]
         chosen.update(own[:_PARTNERS], apart[:_PARTNERS])
     return [pair for pair in combinations(names, 2) if pair in chosen]
 

@@ -11,7 +11,7 @@ from matplotlib.patches import Rectangle
 from vrchain.experiments.mission import MissionRun
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import Region
-from vrchain.navigation.route import Route
+from vrchain.navigation.route import Route, robot_of
 from vrchain.panorama import Panorama, encode_png
 from vrchain.plots.maps import ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
 from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
@@ -116,8 +116,7 @@ def _chain_rows(run: MissionRun) -> list[tuple[str, Panorama, list[tuple[str, st
 
 
 def _seen(run: MissionRun, name: str, look: int) -> Panorama:
-    own = name.split("~")[0] == run.robot  # R1~2: an earlier panorama of its own
-    return run.result.looks[look] if own else run.panoramas[name]
+    return run.result.looks[look] if robot_of(name) == run.robot else run.panoramas[name]
 
 
 def _goal_region(route: Route) -> Region:
