@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmark_evaluation import accused, evaluate, row
+from vrchain.experiments.landmark_evaluation import accused, evaluate, row, strangers
 from vrchain.experiments.landmark_scores import as_table, summarise
 from vrchain.experiments.scenes import suburbs
 from vrchain.scene.spec import SceneSpec
@@ -109,3 +109,16 @@ def test_the_accused_are_counted_by_where_they_stand() -> None:
     table = accused(found)
     assert table.two_suburbs.tolist() == [False, True] and table.pairs.tolist() == [3, 1]
     assert table.claimed.tolist() == pytest.approx([1 / 3, 0.0])
+
+
+@pytest.mark.slow
+def test_strangers_are_half_of_two_suburbs_and_a_run_goes_on(tmp_path: Path) -> None:
+    def found(pairs: int, folder: str) -> pd.DataFrame:
+        return strangers(
+            suburbs(SceneSpec()), pairs, [row("sift")], seed=3000, folder=tmp_path / folder
+        )
+
+    assert len(found(1, "broken off")) == 1
+    whole = found(4, "at once")
+    assert whole.two_suburbs.tolist() == [False, False, True, True]
+    pd.testing.assert_frame_equal(found(4, "broken off"), whole)

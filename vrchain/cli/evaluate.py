@@ -79,17 +79,22 @@ def strangers(
     ] = None,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
+    output: Output = None,
     as_json: AsJson = False,
 ) -> None:
-    """Compare panoramas that have nothing in common: the share with any claim, by variant."""
+    """Compare panoramas that have nothing in common: the share with any claim, by variant.
+
+    Broken off, the same command goes on.
+    """
     from vrchain.experiments import landmark_evaluation as evaluation
     from vrchain.experiments.scenes import scenes_of
     from vrchain.landmarks.variants import DEFAULT, variant_named
 
     _check_seed(seed, allow_training_seeds)
     found = evaluation.strangers(
-        scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed
-    )
+        scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed,
+        folder=output or BUILD / "evaluate" / "strangers",
+    )  # fmt: skip
     table = evaluation.accused(found)
     _print_rows(table, as_json)
 

@@ -7,7 +7,7 @@ come, so that a run broken off goes on with the next.
 import hashlib
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from itertools import combinations
 from pathlib import Path
 from time import perf_counter
@@ -72,9 +72,7 @@ def evaluate(
             f"expected 1 pair or more and 0 < MIN <= MAX metres, got {n_pairs} and {spacing_m}"
         )
     rig = rig or CameraRig()
-    made_by = [(v.name, v.maker) for v in variants]
-    asked = [FORMAT, scenes.digest, list(spacing_m), made_by, seed, asdict(rig)]
-    own = folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+    own = _own_folder(folder, scenes, list(spacing_m), variants, seed, rig)
     suburbs = -(-n_pairs // PAIRS_A_SUBURB)
     claims, pairs = [], []
     for k in tqdm(range(suburbs), desc="suburbs", unit="", disable=None):
@@ -90,6 +88,15 @@ def evaluate(
     made = pd.DataFrame(claims, columns=["suburb", *_CLAIM])
     drawn = table[["suburb", "pair"]].drop_duplicates()
     return made.merge(drawn, on=["suburb", "pair"]), table
+
+
+def _own_folder(
+    folder: Path, scenes: Scenes, what: list, variants: Sequence[Variant], seed: int, rig: CameraRig
+) -> Path:
+    """Where what was found of just this is kept."""
+    made_by = [(v.name, v.maker) for v in variants]
+    asked = [FORMAT, scenes.digest, what, made_by, seed, asdict(rig)]
+    return folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
 
 
 _CLAIM = (
@@ -174,43 +181,77 @@ def strangers(
     variants: Sequence[Variant],
     *,
     seed: int,
+    folder: Path,
     rig: CameraRig | None = None,
 ) -> pd.DataFrame:
     """Pairs with nothing in common, half of one suburb, half of two: one row a pair and variant.
 
-    Columns: pair, variant, two_suburbs, score (of the surest claim, 0 without any).
+    Columns: pair, variant, two_suburbs, score (of the surest claim, 0 without any). What was found
+    already under ``folder`` is read from there.
     """
     rig = rig or CameraRig()
-    rows: list[dict[str, object]] = []
-    before: list[dict[Any, Any]] = []
-    made = {False: 0, True: 0}
+    own = _own_folder(folder, scenes, ["strangers"], variants, seed, rig)
     wanted = {False: n_pairs - n_pairs // 2, True: n_pairs // 2}
+    made: dict[bool, list[dict[str, object]]] = {False: [], True: []}
+    before: _Seen | None = None
     with tqdm(total=n_pairs, desc="pairs of strangers", unit="", disable=None) as progress:
         for k in range(10 * n_pairs):
-            if made == wanted:
+            if all(len(made[two]) >= wanted[two] * len(variants) for two in made):
                 break
-            scene = scenes.scene(seed, k)
-            renderer, truth = Renderer(scene), GroundTruth(scene)
-            poses = draw_poses(scene, PAIRS_A_SUBURB, generator(seed, "strangers", k))
-            looks = [_look(renderer.render(pose, rig), variants) for pose in poses]
-            pairs = [
-                (False, looks[i], looks[j])
-                for i, j in combinations(range(len(poses)), 2)
-                if not co_visible(truth, poses[i], poses[j], rig)
-            ]
-            pairs += [(True, a, b) for a, b in zip(before, looks, strict=False)]
-            for two, a, b in pairs[: 2 * PAIRS_A_SUBURB]:
-                if made[two] >= wanted[two]:
-                    continue
-                for variant in variants:
-                    claims = variant.compare(a[variant.look], b[variant.look]).common
-                    score = max((c.score for c in claims), default=0.0)
-                    rows.append({"pair": sum(made.values()), "variant": variant.name,
-                                 "two_suburbs": two, "score": score})  # fmt: skip
-                made[two] += 1
-                progress.update()
-            before = looks
-    return pd.DataFrame(rows)
+            file = own / f"suburb_{k:04d}.json"
+            if not file.exists():
+                if k and before is None:
+                    before = _seen(scenes, variants, seed, k - 1, rig)
+                here = _seen(scenes, variants, seed, k, rig)
+                write_file(file, json.dumps(_strangers_of(here, before, variants)).encode())
+                before = here
+            else:
+                before = None
+            for row in json.loads(file.read_text()):
+                two = row["two_suburbs"]
+                if len(made[two]) < wanted[two] * len(variants):
+                    made[two].append({"suburb": k, **row})
+            progress.update(sum(map(len, made.values())) // len(variants) - progress.n)
+    return pd.DataFrame([*made[False], *made[True]])
+
+
+@dataclass(frozen=True, eq=False)
+class _Seen:
+    """What is made of a suburb's panoramas, and which two of them have nothing in common."""
+
+    looks: list[dict[Any, Any]]
+    apart: list[tuple[int, int]]
+
+
+def _seen(scenes: Scenes, variants: Sequence[Variant], seed: int, k: int, rig: CameraRig) -> _Seen:
+    scene = scenes.scene(seed, k)
+    renderer, truth = Renderer(scene), GroundTruth(scene)
+    poses = draw_poses(scene, PAIRS_A_SUBURB, generator(seed, "strangers", k))
+    looks = [_look(renderer.render(pose, rig), variants) for pose in poses]
+    apart = [
+        (i, j)
+        for i, j in combinations(range(len(poses)), 2)
+        if not co_visible(truth, poses[i], poses[j], rig)
+    ]
+    return _Seen(looks, apart)
+
+
+def _strangers_of(
+    here: _Seen, before: _Seen | None, variants: Sequence[Variant]
+) -> list[dict[str, object]]:
+    """Rows of pairs within a suburb, and of pairs with the suburb before, as many at most."""
+    pairs = [(False, here.looks[i], here.looks[j]) for i, j in here.apart[:PAIRS_A_SUBURB]]
+    if before is not None:
+        pairs += [(True, a, b) for a, b in zip(before.looks, here.looks, strict=True)]
+    rows: list[dict[str, object]] = []
+    for number, (two, a, b) in enumerate(pairs):
+        for variant in variants:
+            claims = variant.compare(a[variant.look], b[variant.look]).common
+            score = max((c.score for c in claims), default=0.0)
+            rows.append(
+                {"pair": number, "variant": variant.name, "two_suburbs": two, "score": score}
+            )
+    return rows
 
 
 def accused(found: pd.DataFrame) -> pd.DataFrame:
