@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
 from vrchain.navigation.goal import GoalSight
-from vrchain.navigation.route import Plan, plan, worth
+from vrchain.navigation.route import Plan, plan, robot_of, worth
 from vrchain.navigation.terms import Published
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -64,6 +64,10 @@ class StubIndex:
     ) -> None:
         self.edges, self.goal_matches = edges, goal_matches
         self.asked: list[tuple[str, str]] = []
+
+    @property
+    def n_compared(self) -> int:
+        return len(set(self.asked))
 
     def look(self, digest: bytes) -> Shown:
         return Shown(self.goal_matches.get(digest.decode(), 0))
@@ -370,6 +374,41 @@ def test_of_many_panoramas_those_that_look_alike_are_compared() -> None:
     for k in range(9):  # each with the next of its robot, and with the other's at its side
         assert (f"{2 * k:02d}", f"{2 * k + 2:02d}") in index.asked
         assert (f"{2 * k:02d}", f"{2 * k + 1:02d}") in index.asked
+
+
+def test_parts_that_do_not_hang_together_are_compared_further() -> None:
+    """Two robots; the only pair that joins their trails is not among those that look alike."""
+    trails = [f"{robot}~{k}" if k else robot for robot in ("R2", "R3") for k in range(11, -1, -1)]
+    published = {name: Published(name.encode(), time) for time, name in enumerate(trails)}
+    ways = {(a, b): [landmark(0.9)] for a, b in pairwise(trails) if robot_of(a) == robot_of(b)}
+    bridge = {("R2~9", "R3~6"): [landmark(0.8)]}
+    first = {("R1", "R2~11"): [landmark(0.9)]}
+
+    def plan_of(edges: dict, seen: dict[str, int]) -> tuple[Plan, StubIndex]:
+        index = StubIndex(edges, seen)
+        looks = {name: index.look(name.encode()) for name in trails}
+        index.look = lambda digest: looks[digest.decode()]  # type: ignore[method-assign]
+        place = {id(look): k % 12 for k, look in enumerate(looks.values())} | {id(NOTHING): 0}
+
+        def alike(a: Shown, b: Shown) -> float:
+            return -abs(place[id(a)] - place[id(b)])
+
+        return plan("R1", NOTHING, published, index, GOAL, alike=alike), index
+
+    found, index = plan_of(ways | bridge | first, {"R3": 40})
+    assert found.route.robots == (
+        "R1",
+        "R2~11",
+        "R2~10",
+        "R2~9",
+        *(f"R3~{k}" for k in range(6, 0, -1)),
+        "R3",
+    )
+    cut_off, tried = plan_of(ways | first, {"R3": 40})
+    assert cut_off.route is None and tried.n_compared > index.n_compared
+    _, enough = plan_of(ways | first, {"R2": 40})
+    _, nobody = plan_of(ways | first, {})
+    assert nobody.n_compared == enough.n_compared < index.n_compared
 
 
 def test_the_goal_is_one_thing() -> None:

@@ -30,6 +30,11 @@ class LandmarkIndex(Generic[Look]):
         self._compared: dict[tuple[bytes, bytes], Comparison] = {}
         self._with: dict[tuple[int, bytes], tuple[Look, Comparison]] = {}  # kept: so is its id
 
+    @property
+    def n_compared(self) -> int:
+        """How many pairs were compared so far."""
+        return len(self._compared) + len(self._with)
+
     def panorama(self, digest: bytes) -> Panorama:
         """The stored panorama."""
         return Panorama.decode(self._read(digest))

@@ -1,34 +1,40 @@
 """What may be the goal, driving up to it, and making sure that it is the goal.
 
-A wrong arrival is worse than none: it is claimed where a sight was surely of the goal, the range
+A wrong arrival is worse than none: it is claimed where sights were surely of the goal, the range
 ring meets something there, and the goal has grown on the way as it should.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from itertools import combinations
 
 import numpy as np
 
+from vrchain.geometry import Pose
 from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.eyes import Look
-from vrchain.navigation.goal import GoalSight, KnownGoal
+from vrchain.navigation.goal import BY_CHANCE, GoalSight, KnownGoal
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.terms import Log
 
 _DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again
 _SAME_STD = 3.0  # standard deviations within which two sights are of one thing
 _ASTRAY = 4.0  # ... beyond which a glance did not show what is driven to
-_NEAR_M, _AGAINST = 18.0, 3  # glances from so near that do not show the goal: it is not there
+_NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
 _AGAIN = 0.7  # of its chance is left after each
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
+_SHAPE_M, _APART_M = 5.0, 2.0  # sights from nearer show no shape; from places nearer are one
+_BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
+_DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _LEAST_WAY_M = 4.0  # of way, after which the growth of a thing tells how far it is
+_TOWARDS = 0.5  # cosine of that way with the way there, at least
 _LOOKS_FAR_M = 7.5  # to the middle of what is seen of a goal, whose side is near
 _TRIES = 3  # to drive on to what still looks far
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
-_HALF_M, _AROUND_M = 4.0, 5.0  # from a goal's side to its middle, and on to where it is looked at
+_HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, and on to where it is looked at
 _SIDE_S = 25.0  # to get there
 
 
@@ -36,14 +42,13 @@ _SIDE_S = 25.0  # to get there
 class Suspect:
     """What may be the goal: its nearest side, and the chance that it is.
 
-    seen: by the robot itself; sure: so well that arrival may be claimed; against: glances from near
-    that did not show it.
+    sights: the robot's own, and by odometry from where; against: glances from near that did not
+    show it.
     """
 
     place: Place
     chance: float
-    seen: bool = True
-    sure: bool = False
+    sights: tuple[tuple[Pose, GoalSight], ...] = ()
     against: int = 0
 
 
@@ -54,7 +59,6 @@ class Arrival:
         self.pilot, self.goal, self.log = pilot, goal, log
         self.suspects: list[Suspect] = []
         self._mistaken: list[Array] = []  # where what looked like the goal was something else
-        self._sizes: list[tuple[Array, GoalSight]] = []  # how large it looked, and from where
 
     @property
     def likeliest(self) -> Suspect | None:
@@ -75,12 +79,11 @@ class Arrival:
         place = self._place_of(sight)
         if self.was_mistaken(place):
             return None
-        self._sizes.append((self.pilot.here.xy_m, sight))
         for i, known in enumerate(self.suspects):
             if known.place.astray(place) < _SAME_STD:
                 self.suspects[i] = self._with_sight(known, sight)
                 return self.suspects[i]
-        self.suspects.append(Suspect(place, sight.chance, sure=self._is_sure(sight)))
+        self.suspects.append(Suspect(place, sight.chance, ((self.pilot.here, sight),)))
         return self.suspects[-1]
 
     def was_mistaken(self, place: Place) -> bool:
@@ -91,38 +94,43 @@ class Arrival:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
         self._begin(suspect)
         suspect = self._close_in(suspect)
-        if not suspect.sure and self._is_likely(suspect):
+        if not self._is_sure(suspect) and self._is_likely(suspect):
             self.log("circle", "it has not looked enough like the goal yet: from other sides")
             for seen in self._sides(suspect):
                 suspect = seen
-                if suspect.sure:
+                if self._is_sure(suspect):
                     suspect = self._close_in(suspect)
-                if suspect.sure or suspect.against >= _AGAINST:
                     break
-        if not suspect.sure:
+                if suspect.against >= _AGAINST:
+                    break
+        if not self._is_sure(suspect):
             self.log("doubt", "it never looked enough like the goal's pictures")
-            if suspect.seen:
+            if suspect.sights:
                 self._mistaken.append(suspect.place.xy_m)
             return False
         for _ in range(_TRIES):
-            far_m = self._looks_far_m()
-            if far_m is None or far_m <= _LOOKS_FAR_M:
+            suspect = self._seen_around(suspect)
+            there = self._by_growth(suspect)
+            if there is None or self.pilot.here.distance_to_m(there) <= _LOOKS_FAR_M:
                 break
             self.log("farther", "it has not grown enough: it must be behind this")
-            bearing = suspect.place.bearing_rad(self.pilot.here)
-            place = sighted(self.pilot.here, bearing, far_m - _HALF_M)
-            suspect = self._close_in(replace(suspect, place=place))
+            away = there - self.pilot.here.xy_m
+            side_xy_m = there - _HALF_M * away / np.hypot(*away)
+            suspect = self._close_in(replace(suspect, place=Place(side_xy_m, 4.0 * np.eye(2))))
         else:
             self._mistaken.append(suspect.place.xy_m)
             return False
         if self._is_at(suspect.place):
+            self._draw_up(suspect.place)
             return True
         for seen in self._sides(suspect):
             suspect = self._close_in(seen)
-            if self._is_at(suspect.place) and (self._looks_far_m() or 0.0) <= _LOOKS_FAR_M:
+            there = self._by_growth(suspect)
+            near = there is None or self.pilot.here.distance_to_m(there) <= _LOOKS_FAR_M
+            if near and self._is_at(suspect.place):
+                self._draw_up(suspect.place)
                 return True
         self.log("blocked", "no way leads to the goal from here")
-        self._mistaken.append(suspect.place.xy_m)
         return False
 
     def _begin(self, suspect: Suspect) -> None:
@@ -139,20 +147,27 @@ class Arrival:
         """Where the goal's nearest side is."""
         return sighted(self.pilot.here, sight.bearing_rad, sight.surface_m)
 
-    def _is_sure(self, sight: GoalSight) -> bool:
+    def _is_sure(self, suspect: Suspect) -> bool:
+        """Whether arrival may be claimed there, by all sights of it from different places."""
         config = self.pilot.config
-        return sight.chance >= config.sure_chance and sight.n_matches >= config.sure_matches
+        counted: list[tuple[Pose, GoalSight]] = []
+        for here, sight in suspect.sights:
+            apart = all(here.distance_to_m(there.xy_m) >= _APART_M for there, _ in counted)
+            if apart and sight.chance >= config.likely and sight.surface_m >= _SHAPE_M:
+                counted.append((here, sight))
+        chance = max((sight.chance for _, sight in counted), default=0.0)
+        keypoints = sum(max(0, sight.n_matches - BY_CHANCE) for _, sight in counted)
+        return chance >= config.sure_chance and keypoints >= config.sure_matches
 
     def _is_likely(self, suspect: Suspect) -> bool:
-        return suspect.seen and suspect.chance >= self.pilot.config.likely
+        return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
 
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
         return replace(
             suspect,
             place=suspect.place.with_sight(self._place_of(sight)),
-            chance=max(suspect.chance if suspect.seen else 0.0, sight.chance),
-            seen=True,
-            sure=suspect.sure or self._is_sure(sight),
+            chance=max(suspect.chance if suspect.sights else 0.0, sight.chance),
+            sights=(*suspect.sights, (self.pilot.here, sight)),
         )
 
     def _close_in(self, suspect: Suspect) -> Suspect:
@@ -191,11 +206,10 @@ class Arrival:
         sight = self.goal.find(look, bearing, window_rad)
         missed = sight is None or sight.chance < _DOUBT_CHANCE
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
-            if range_m > _NEAR_M:
+            if not _SHAPE_M < range_m < _NEAR_M:
                 return suspect
             chance = _AGAIN * suspect.chance
             return replace(suspect, chance=chance, against=suspect.against + 1)
-        self._sizes.append((pilot.here.xy_m, sight))
         return self._with_sight(suspect, sight)
 
     def _sides(self, suspect: Suspect) -> Iterator[Suspect]:
@@ -219,8 +233,19 @@ class Arrival:
     def _is_at(self, place: Place) -> bool:
         """Whether the goal's side is within reach, and something is there."""
         pilot, reach_m = self.pilot, self.pilot.config.arrival_m
-        ahead_m = pilot.ahead_m(place.bearing_rad(pilot.here), _AHEAD_RAD)
-        return place.range_m(pilot.here) <= reach_m and ahead_m <= reach_m + _FELT_M
+        bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
+        if range_m <= _BESIDE_M and pilot.ahead_m(bearing, _BESIDE_RAD) <= _TOUCH_M:
+            return True
+        return range_m <= reach_m and pilot.ahead_m(bearing, _AHEAD_RAD) <= reach_m + _FELT_M
+
+    def _draw_up(self, place: Place) -> None:
+        """As near as may be: what the range ring met may stand before the goal."""
+        pilot = self.pilot
+        for _ in range(_STEPS_UP):
+            if pilot.ahead_m(place.bearing_rad(pilot.here), _AHEAD_RAD) <= _DRAWN_UP_M:
+                break
+            if pilot.stretch(place.xy_m, 0.5, 0.3) is None:
+                break
 
     def _felt(self, place: Place) -> Place:
         """The goal's side where the range ring meets something, once it is believed so near."""
@@ -233,18 +258,30 @@ class Arrival:
         there = pilot.here.xy_m + ahead_m * np.array([np.cos(course), np.sin(course)])
         return Place(there, place.covariance)
 
-    def _looks_far_m(self) -> float | None:
-        """How far the middle of the goal is by its growth; None: nothing tells.
+    def _seen_around(self, suspect: Suspect) -> Suspect:
+        """What a look all around tells of it."""
+        sight = self.goal.find(self.pilot.look_around())
+        if sight is None or sight.chance < self.pilot.config.likely:
+            return suspect
+        return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
-        What looks g times larger after a way D towards it is D / (g - 1) away.
+    def _by_growth(self, suspect: Suspect) -> Array | None:
+        """Where the middle of what is seen of it is, (2,), by its growth; None: nothing tells.
+
+        Of what looks g times larger from b than from a, at a range r from b, (g^2 - 1) r^2 =
+        2 r d.u + d.d, where d leads from a to b, and u from b to it.
         """
-        here = self.pilot.here
-        now = self.goal.find(self.pilot.look_around())
-        ranges_m = [
-            here.distance_to_m(then) / max(now.sizes[k] / size - 1.0, 1e-3)
-            for then, sight in self._sizes
-            if now is not None and here.distance_to_m(then) > _LEAST_WAY_M
-            for k, size in sight.sizes.items()
-            if k in now.sizes
-        ]
-        return float(np.median(ranges_m)) if ranges_m else None
+        places = []
+        for (a, then), (b, now) in combinations(suspect.sights, 2):
+            course = b.yaw_rad + now.bearing_rad
+            to_it = np.array([np.cos(course), np.sin(course)])
+            way = b.xy_m - a.xy_m
+            along_m, way_m = float(way @ to_it), float(np.hypot(*way))
+            if way_m < _LEAST_WAY_M or along_m < _TOWARDS * way_m:
+                continue
+            for k, size in then.sizes.items():
+                if k in now.sizes:
+                    grown = max((now.sizes[k] / size) ** 2 - 1.0, 1e-3)
+                    range_m = (along_m + np.sqrt(along_m**2 + grown * way_m**2)) / grown
+                    places.append(b.xy_m + range_m * to_it)
+        return np.median(places, axis=0) if places else None

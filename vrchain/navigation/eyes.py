@@ -62,12 +62,18 @@ class Eyes:
     trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0
 
     def alike(self, a: Look, b: Look) -> float:
-        """How much looks speak for landmarks in common: a log-likelihood ratio."""
+        """How much looks speak for landmarks in common, of as many as there may be.
+
+        By the log-likelihood ratios of proposals that are each other's most alike.
+        """
         one, other = a.proposals.embedding, b.proposals.embedding
         if len(one) == 0 or len(other) == 0:
             return 0.0
-        best = self.calibration.looks(one @ other.T).max(axis=1)
-        return float(np.logaddexp(0.0, best).sum())
+        looks = self.calibration.looks(one @ other.T)
+        rows, best = np.arange(len(one)), looks.argmax(axis=1)
+        mutual = looks.argmax(axis=0)[best] == rows
+        speaks = np.logaddexp(0.0, looks[rows, best][mutual]).sum()
+        return float(speaks / np.sqrt(len(one) * len(other)))
 
     def record(self, seen: Observation) -> LandmarkRecord:
         """The record of a panorama, to publish."""

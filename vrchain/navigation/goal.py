@@ -26,7 +26,7 @@ from vrchain.panorama import Panorama
 # panoramas of seeds 1100, 1101.
 _BELIEF = np.array([-13.55, 0.52, 1.17, 1.67, 1.58])
 _AMONG = 3  # proposals looked at closely
-_BY_CHANCE = 4  # keypoints that agree by chance
+BY_CHANCE = 4  # keypoints that agree by chance
 _SIZED_MATCHES = 15  # keypoints from which a size is told
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
@@ -87,7 +87,7 @@ class GoalPictures:
             bearing, half_rad = float(middle[i]), float(half[i])
             seen = self._located(look, bearing, half_rad + _WIDE_RAD)
             matches = max((s.n_matches for s in seen.values()), default=0)
-            beyond = np.sqrt(max(matches - _BY_CHANCE, 0))
+            beyond = np.sqrt(max(matches - BY_CHANCE, 0))
             odds = _BELIEF @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i]), beyond]
             sizes = {k: s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES}
             found.append(
@@ -103,7 +103,7 @@ class GoalPictures:
         off = np.abs(wrap_angle_rad(look.features.bearing_rad - middle_rad))
         near = look.features.take(off <= window_rad)
         found = {
-            k: locate(template, near, min_matches=_BY_CHANCE + 1)
+            k: locate(template, near, min_matches=BY_CHANCE + 1)
             for k, template in enumerate(self.keypoints.templates)
         }
         return {k: seen for k, seen in found.items() if seen is not None}

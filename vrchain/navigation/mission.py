@@ -30,7 +30,7 @@ from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
-_PATIENCE = 0.7  # times as sure need a route be, after each look elsewhere, to be worth driving
+_PATIENCE = 0.8  # times as sure need a route be, after each look elsewhere, to be worth driving
 _SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _BETTER = 1.01  # times as sure a route is taken instead of the one that is driven
 _OWN = 8  # latest looks from which a route may begin
@@ -266,7 +266,7 @@ class _Mission:
         """From the last landmark to where the goal should be."""
         suspect = self.arrival.note(self.pilot.look_around())
         if suspect is None or suspect.chance < self.config.likely:
-            suspect = Suspect(place, route.score, seen=False)
+            suspect = Suspect(place, route.score)
         return self.arrival.drive_to(suspect)
 
     def from_lookout(self, lookout: Tracker, route: Route) -> bool:

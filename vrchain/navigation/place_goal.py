@@ -78,7 +78,7 @@ class PlaceArrival(Arrival):
             if told_nothing == _ASTRAY:
                 break
         self.log("doubt", "what is seen here is not what the goal's panorama shows")
-        if suspect.seen:
+        if suspect.sights:
             self._mistaken.append(place.xy_m)
         return False
 

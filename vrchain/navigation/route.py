@@ -4,10 +4,11 @@ The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of
 in front of the robot and those that the others have published.
 """
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import combinations, pairwise
+from itertools import combinations, islice, pairwise
 
+import networkx as nx
 import numpy as np
 
 from vrchain.errors import VRChainError
@@ -27,7 +28,9 @@ _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest 
 _LEAST = 1e-300  # a chance is never nothing
 
 _FEW = 6  # panoramas: of no more, each two are compared
-_PARTNERS = 4  # of more, each with so many that look most alike, and with so many of others
+_PARTNERS, _NEXT = 4, 2  # of more, each with so many of others, most alike, and its robot's next
+_BRIDGES = 40  # more comparisons, at a plan, if those leave the goal cut off
+_JOINED = 0.5  # trust from which two panoramas hang together
 _BEFORE = "~"
 _OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
 
@@ -143,12 +146,25 @@ def plan(
         return index.compare(digests[a], digests[b])
 
     claims = [_way_back(a, b) for a, b in pairwise(own)]
-    compared = {}
-    for a, b in _partners(names, looks, alike):
-        if b in own:
-            continue
-        compared[a, b] = found = common_to(a, b)
-        right = trust(a, b, found)
+    compared: dict[tuple[str, str], Comparison] = {}
+
+    def joined(a: str, b: str) -> float:
+        compared[a, b] = common_to(a, b)
+        return trust(a, b, compared[a, b]) if compared[a, b].common else 0.0
+
+    pairs = sorted(combinations(names, 2), key=lambda pair: -alike(looks[pair[0]], looks[pair[1]]))
+    few = len(names) <= _FEW
+    chosen = list(combinations(names, 2)) if few else _partners(names, pairs)
+    rights = {(a, b): joined(a, b) for a, b in chosen if b not in own}
+    if seen:
+        known_before = index.n_compared
+        left = (pair for pair in pairs if pair not in rights and pair[1] not in own)
+        for a, b in _bridges(names, left, rights, set(own), set(seen)):
+            rights[a, b] = joined(a, b)
+            if index.n_compared - known_before >= _BRIDGES:
+                break
+    for (a, b), right in rights.items():
+        found = compared[a, b]
         apart_m = baseline_m(found, current.rig) or _TYPICAL_BASELINE_M
         for common in found.common:
             claim = Claim(a, b, common, max(right * worth(common, apart_m), _LEAST))
@@ -188,19 +204,53 @@ def _way_back(a: str, b: str) -> Claim:
 
 
 def _partners(
-    names: Sequence[str], looks: Mapping[str, Look], alike: Callable[[Look, Look], float]
+    names: Sequence[str], most_alike_first: Sequence[tuple[str, str]]
 ) -> list[tuple[str, str]]:
-    """Which panoramas are compared: all of few; of many, those that look alike."""
-    pairs = list(combinations(names, 2))
-    if len(names) <= _FEW:
-        return pairs
-    pairs.sort(key=lambda pair: -alike(looks[pair[0]], looks[pair[1]]))
+    """Which of many panoramas are compared: those of different robots that look alike, and what
+    one robot saw in succession. names: the oldest first.
+    """
     chosen: set[tuple[str, str]] = set()
+    trails: dict[str, list[str]] = {}
     for name in names:
-        own = [pair for pair in pairs if name in pair]
-        apart = [(a, b) for a, b in own if robot_of(a) != robot_of(b)]
-        chosen.update(own[:_PARTNERS], apart[:_PARTNERS])
+        trail = trails.setdefault(robot_of(name), [])
+        chosen.update((before, name) for before in trail[-_NEXT:])
+        trail.append(name)
+        others = ((a, b) for a, b in most_alike_first if name in (a, b))
+        chosen.update(islice((p for p in others if robot_of(p[0]) != robot_of(p[1])), _PARTNERS))
     return [pair for pair in combinations(names, 2) if pair in chosen]
+
+
+def _bridges(
+    names: Sequence[str],
+    left: Iterable[tuple[str, str]],
+    rights: Mapping[tuple[str, str], float],
+    own: Set[str],
+    seers: Set[str],
+) -> Iterator[tuple[str, str]]:
+    """Pairs that may join the robot's part of the graph, or the goal's, to another; till it is one.
+
+    left: pairs not compared yet, the most promising first; rights: the trust in each that was, to
+    which what is learned of the pairs that come from here is added meanwhile.
+    """
+    graph = nx.Graph()
+    graph.add_nodes_from(names)
+    nx.add_path(graph, [name for name in names if name in own])
+    graph.add_edges_from(pair for pair, right in rights.items() if right >= _JOINED)
+
+    def parts() -> tuple[dict[str, int], set[int], set[int]]:
+        part = {name: k for k, own in enumerate(nx.connected_components(graph)) for name in own}
+        return part, {part[name] for name in own}, {part[name] for name in seers}
+
+    part, here, there = parts()
+    for a, b in left:
+        if here & there:
+            return
+        ends = {part[a], part[b]}
+        if len(ends) == 2 and ends & (here | there):
+            yield a, b
+            if rights[a, b] >= _JOINED:
+                graph.add_edge(a, b)
+                part, here, there = parts()
 
 
 def _readable(index: LandmarkIndex[Look], digest: bytes) -> bool:
