@@ -25,6 +25,7 @@ from vrchain.truth import GroundTruth
 
 _DIMENSIONS = 64
 _SAME, _ENOUGH = 0.99, 1000  # cosine of one thing with itself, and keypoints that prove it
+_ALIKE = 10.0  # log-likelihood ratio of looks that prove it
 _CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
 _NONE = np.empty(0, dtype=np.int64)
 _NO_KEYPOINTS = Features(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 128), dtype=np.uint8))
@@ -159,7 +160,7 @@ class TrueGoal:
                 return None
         return GoalSight(
             float(wrap_angle_rad(bearing)), float(p.range_m[k]), surface_m(look, k), half_rad,
-            _ENOUGH, float(alike[k]), 1.0,
+            _ENOUGH, _ALIKE, 1.0,
         )  # fmt: skip
 
 

@@ -6,7 +6,6 @@ ring meets something there, and the goal has grown on the way as it should.
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from itertools import combinations
 
 import numpy as np
 
@@ -31,6 +30,7 @@ _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _LEAST_WAY_M = 4.0  # of way, after which the growth of a thing tells how far it is
 _TOWARDS = 0.5  # cosine of that way with the way there, at least
+_LEAST_GROWN = 0.02  # less growth tells no more than that it is far
 _LOOKS_FAR_M = 7.5  # to the middle of what is seen of a goal, whose side is near
 _TRIES = 3  # to drive on to what still looks far
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
@@ -155,9 +155,11 @@ class Arrival:
             apart = all(here.distance_to_m(there.xy_m) >= _APART_M for there, _ in counted)
             if apart and sight.chance >= config.likely and sight.surface_m >= _SHAPE_M:
                 counted.append((here, sight))
-        chance = max((sight.chance for _, sight in counted), default=0.0)
         keypoints = sum(max(0, sight.n_matches - BY_CHANCE) for _, sight in counted)
-        return chance >= config.sure_chance and keypoints >= config.sure_matches
+        return keypoints >= config.sure_matches and any(
+            sight.chance >= config.sure_chance and sight.looks >= config.sure_looks
+            for _, sight in counted
+        )
 
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
@@ -266,22 +268,24 @@ class Arrival:
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
     def _by_growth(self, suspect: Suspect) -> Array | None:
-        """Where the middle of what is seen of it is, (2,), by its growth; None: nothing tells.
+        """Where the middle of what is seen of it is, (2,), by the latest growth; None: none tells.
 
         Of what looks g times larger from b than from a, at a range r from b, (g^2 - 1) r^2 =
         2 r d.u + d.d, where d leads from a to b, and u from b to it.
         """
-        places = []
-        for (a, then), (b, now) in combinations(suspect.sights, 2):
+        for k, (b, now) in reversed(list(enumerate(suspect.sights))):
             course = b.yaw_rad + now.bearing_rad
             to_it = np.array([np.cos(course), np.sin(course)])
-            way = b.xy_m - a.xy_m
-            along_m, way_m = float(way @ to_it), float(np.hypot(*way))
-            if way_m < _LEAST_WAY_M or along_m < _TOWARDS * way_m:
-                continue
-            for k, size in then.sizes.items():
-                if k in now.sizes:
-                    grown = max((now.sizes[k] / size) ** 2 - 1.0, 1e-3)
-                    range_m = (along_m + np.sqrt(along_m**2 + grown * way_m**2)) / grown
-                    places.append(b.xy_m + range_m * to_it)
-        return np.median(places, axis=0) if places else None
+            ranges_m = []
+            for a, then in suspect.sights[:k]:
+                way = b.xy_m - a.xy_m
+                along_m, way_m = float(way @ to_it), float(np.hypot(*way))
+                if way_m < _LEAST_WAY_M or along_m < _TOWARDS * way_m:
+                    continue
+                for picture in then.sizes.keys() & now.sizes.keys():
+                    grown = (now.sizes[picture] / then.sizes[picture]) ** 2 - 1.0
+                    grown = max(grown, _LEAST_GROWN)
+                    ranges_m.append((along_m + np.sqrt(along_m**2 + grown * way_m**2)) / grown)
+            if ranges_m:
+                return np.asarray(b.xy_m + np.median(ranges_m) * to_it)
+        return None

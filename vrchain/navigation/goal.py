@@ -27,7 +27,8 @@ from vrchain.panorama import Panorama
 _BELIEF = np.array([-13.55, 0.52, 1.17, 1.67, 1.58])
 _AMONG = 3  # proposals looked at closely
 BY_CHANCE = 4  # keypoints that agree by chance
-_SIZED_MATCHES = 15  # keypoints from which a size is told
+_MANY, _LEAST_ODDS = 16, -3.0  # keypoints that agree beyond chance, which would not do either
+_SIZED_MATCHES = 8  # keypoints from which a size is told
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 
@@ -85,10 +86,12 @@ class GoalPictures:
         found: list[GoalSight] = []
         for i in map(int, chosen[np.isfinite(worth[chosen])]):
             bearing, half_rad = float(middle[i]), float(half[i])
-            seen = self._located(look, bearing, half_rad + _WIDE_RAD)
+            *_, by_keypoint = _BELIEF
+            odds = float(_BELIEF[:-1] @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i])])
+            hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
+            seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
             matches = max((s.n_matches for s in seen.values()), default=0)
-            beyond = np.sqrt(max(matches - BY_CHANCE, 0))
-            odds = _BELIEF @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i]), beyond]
+            odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
             sizes = {k: s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES}
             found.append(
                 GoalSight(
