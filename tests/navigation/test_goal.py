@@ -52,13 +52,11 @@ def test_without_spots_and_keypoints_looks_alone_prove_nothing() -> None:
     assert sight is not None and sight.n_matches == 0 and sight.chance < 0.1
 
 
-def test_a_size_grows_as_the_goal_is_neared() -> None:
-    far, near = (GOAL.find(PLAIN.look(Pose(x, 3.0))) for x in (0.0, 4.0))
-    assert far and near
-    both = far.sizes.keys() & near.sizes.keys()
-    assert both
-    for k in both:  # 12 m away, then 8 m
-        assert near.sizes[k] / far.sizes[k] == pytest.approx(1.5, rel=0.2)
+def test_how_far_the_goal_is_by_how_large_it_looks() -> None:
+    for x_m, range_m in ((0.0, 12.0), (4.0, 8.0)):
+        sight = GOAL.find(PLAIN.look(Pose(x_m, 3.0)))
+        assert sight and sight.sized and sight.surface_m == pytest.approx(range_m, rel=0.2)
+    assert not replace(GOAL, keypoints=Goal(())).find(PLAIN.look(HERE)).sized
 
 
 def test_it_is_looked_for_once_in_a_look_but_each_time_in_a_window() -> None:

@@ -1,7 +1,7 @@
 """What may be the goal, driving up to it, and making sure that it is the goal.
 
 A wrong arrival is worse than none: it is claimed where sights were surely of the goal, the range
-ring meets something there, and the goal has grown on the way as it should.
+ring meets something there, and the goal looks as large as it should.
 """
 
 from collections.abc import Iterator
@@ -28,10 +28,7 @@ _AHEAD_RAD = 0.15
 _SHAPE_M, _APART_M = 5.0, 2.0  # sights from nearer show no shape; from places nearer are one
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
-_LEAST_WAY_M = 4.0  # of way, after which the growth of a thing tells how far it is
-_TOWARDS = 0.5  # cosine of that way with the way there, at least
-_LEAST_GROWN = 0.02  # less growth tells no more than that it is far
-_LOOKS_FAR_M = 7.5  # to the middle of what is seen of a goal, whose side is near
+_LOOKS_FAR_M, _LATELY = 7.0, 3  # to where it looks to be, by so many of the latest sights
 _TRIES = 3  # to drive on to what still looks far
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, and on to where it is looked at
@@ -110,22 +107,19 @@ class Arrival:
             return False
         for _ in range(_TRIES):
             suspect = self._seen_around(suspect)
-            there = self._by_growth(suspect)
+            there = self._where_it_looks(suspect)
             if there is None or self.pilot.here.distance_to_m(there) <= _LOOKS_FAR_M:
                 break
-            self.log("farther", "it has not grown enough: it must be behind this")
-            away = there - self.pilot.here.xy_m
-            side_xy_m = there - _HALF_M * away / np.hypot(*away)
-            suspect = self._close_in(replace(suspect, place=Place(side_xy_m, 4.0 * np.eye(2))))
+            self.log("farther", "it does not look large enough: it must be behind this")
+            suspect = self._close_in(replace(suspect, place=Place(there, 4.0 * np.eye(2))))
         else:
-            self._mistaken.append(suspect.place.xy_m)
             return False
         if self._is_at(suspect.place):
             self._draw_up(suspect.place)
             return True
         for seen in self._sides(suspect):
             suspect = self._close_in(seen)
-            there = self._by_growth(suspect)
+            there = self._where_it_looks(suspect)
             near = there is None or self.pilot.here.distance_to_m(there) <= _LOOKS_FAR_M
             if near and self._is_at(suspect.place):
                 self._draw_up(suspect.place)
@@ -267,25 +261,8 @@ class Arrival:
             return suspect
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
-    def _by_growth(self, suspect: Suspect) -> Array | None:
-        """Where the middle of what is seen of it is, (2,), by the latest growth; None: none tells.
-
-        Of what looks g times larger from b than from a, at a range r from b, (g^2 - 1) r^2 =
-        2 r d.u + d.d, where d leads from a to b, and u from b to it.
-        """
-        for k, (b, now) in reversed(list(enumerate(suspect.sights))):
-            course = b.yaw_rad + now.bearing_rad
-            to_it = np.array([np.cos(course), np.sin(course)])
-            ranges_m = []
-            for a, then in suspect.sights[:k]:
-                way = b.xy_m - a.xy_m
-                along_m, way_m = float(way @ to_it), float(np.hypot(*way))
-                if way_m < _LEAST_WAY_M or along_m < _TOWARDS * way_m:
-                    continue
-                for picture in then.sizes.keys() & now.sizes.keys():
-                    grown = (now.sizes[picture] / then.sizes[picture]) ** 2 - 1.0
-                    grown = max(grown, _LEAST_GROWN)
-                    ranges_m.append((along_m + np.sqrt(along_m**2 + grown * way_m**2)) / grown)
-            if ranges_m:
-                return np.asarray(b.xy_m + np.median(ranges_m) * to_it)
-        return None
+    def _where_it_looks(self, suspect: Suspect) -> Array | None:
+        """Where its side is, (2,), by how large it looked lately; None: nothing tells."""
+        sized = [(here, sight) for here, sight in suspect.sights if sight.sized]
+        places = [sighted(h, sight.bearing_rad, sight.surface_m).xy_m for h, sight in sized]
+        return np.median(places[-_LATELY:], axis=0) if places else None

@@ -5,8 +5,8 @@ those of the pictures at about the same height above the ground, and that keypoi
 with one of the pictures. A logistic regression weighs them.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
@@ -36,8 +36,8 @@ _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 class GoalSight:
     """What may be the goal. surface_m: how far its nearest side is; chance: that it is the goal.
 
-    n_matches: keypoints that agree with one of its pictures. sizes: how many times taller than in
-    each of some pictures, by their number, it looks.
+    n_matches: keypoints that agree with one of its pictures. sized: whether its range is told by
+    how large it looks against the pictures.
     """
 
     bearing_rad: float
@@ -47,7 +47,7 @@ class GoalSight:
     n_matches: int
     looks: float
     chance: float
-    sizes: Mapping[int, float] = field(default_factory=dict)
+    sized: bool = False
 
 
 class KnownGoal(Protocol):
@@ -61,11 +61,15 @@ class KnownGoal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class GoalPictures:
-    """A goal as a robot knows it: what its pictures show, and all keypoints of each."""
+    """A goal as a robot knows it: what its pictures show, and all keypoints of each.
+
+    taken_m: from how far, about, the pictures were taken.
+    """
 
     shown: Sought
     keypoints: Goal
     calibration: Calibration
+    taken_m: float = 10.0
 
     def find(
         self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
@@ -92,11 +96,12 @@ class GoalPictures:
             seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
             matches = max((s.n_matches for s in seen.values()), default=0)
             odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
-            sizes = {k: s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES}
+            scales = [s.scale for s in seen.values() if s.n_matches >= _SIZED_MATCHES]
+            side_m = self.taken_m / float(np.median(scales)) if scales else surface_m(look, i)
             found.append(
                 GoalSight(
-                    float(wrap_angle_rad(bearing)), float(p.range_m[i]), surface_m(look, i),
-                    half_rad, matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), sizes,
+                    float(wrap_angle_rad(bearing)), float(p.range_m[i]), side_m, half_rad,
+                    matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(scales),
                 )
             )  # fmt: skip
         return max(found, key=lambda s: s.chance, default=None)
