@@ -25,7 +25,7 @@ def test_the_goal_is_found_where_it_is() -> None:
     assert sight is not None and sight.chance > 0.95 and sight.n_matches > 30
     assert sight.bearing_rad == pytest.approx(HERE.bearing_to_rad((12.0, 3.0)), abs=0.03)
     assert sight.range_m == pytest.approx(HERE.distance_to_m((12.0, 3.0)), abs=0.1)
-    assert sight.surface_m == pytest.approx(sight.range_m - 1.5, abs=0.3)
+    assert sight.surface_m == pytest.approx(sight.range_m, rel=0.15)
 
 
 def test_a_double_and_what_looks_otherwise_are_less_likely() -> None:

@@ -56,6 +56,7 @@ class Arrival:
         self.pilot, self.goal, self.log = pilot, goal, log
         self.suspects: list[Suspect] = []
         self._mistaken: list[Array] = []  # where what looked like the goal was something else
+        self._blocked: list[Array] = []  # where no way led to it
 
     @property
     def likeliest(self) -> Suspect | None:
@@ -85,7 +86,7 @@ class Arrival:
 
     def was_mistaken(self, place: Place) -> bool:
         """Whether what is there looked like the goal and was something else."""
-        return any(np.hypot(*(place.xy_m - m)) < _DOUBTED_M for m in self._mistaken)
+        return _near(self._mistaken, place)
 
     def drive_to(self, suspect: Suspect) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
@@ -113,7 +114,7 @@ class Arrival:
             self.log("farther", "it does not look large enough: it must be behind this")
             suspect = self._close_in(replace(suspect, place=Place(there, 4.0 * np.eye(2))))
         else:
-            return False
+            return self._give_up(suspect.place)
         if self._is_at(suspect.place):
             self._draw_up(suspect.place)
             return True
@@ -124,7 +125,13 @@ class Arrival:
             if near and self._is_at(suspect.place):
                 self._draw_up(suspect.place)
                 return True
+        return self._give_up(suspect.place)
+
+    def _give_up(self, place: Place) -> bool:
+        """What cannot be reached is tried once more, later; never arrived."""
         self.log("blocked", "no way leads to the goal from here")
+        tried = self._mistaken if _near(self._blocked, place) else self._blocked
+        tried.append(place.xy_m)
         return False
 
     def _begin(self, suspect: Suspect) -> None:
@@ -266,3 +273,8 @@ class Arrival:
         sized = [(here, sight) for here, sight in suspect.sights if sight.sized]
         places = [sighted(h, sight.bearing_rad, sight.surface_m).xy_m for h, sight in sized]
         return np.median(places[-_LATELY:], axis=0) if places else None
+
+
+def _near(known_xy_m: list[Array], place: Place) -> bool:
+    """Whether a place is one of those known, about."""
+    return any(np.hypot(*(place.xy_m - xy_m)) < _DOUBTED_M for xy_m in known_xy_m)
