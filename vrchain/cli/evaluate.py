@@ -225,6 +225,9 @@ def navigation(
     patrol: Annotated[
         float, typer.Option(metavar="S", help="For how long the others are under way before.")
     ] = 300.0,
+    wrong_edges: Annotated[
+        float, typer.Option(metavar="P", help="Share of the landmark graph's edges to make wrong.")
+    ] = 0.0,
     seed: Annotated[
         int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
@@ -244,7 +247,7 @@ def navigation(
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
         folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
-        patrol_s=patrol,
+        patrol_s=patrol, wrong_edges=wrong_edges,
     )  # fmt: skip
     summary = experiment.summarise(*found)
     if as_json:

@@ -33,6 +33,7 @@ from vrchain.experiments.oracle import Oracle
 from vrchain.experiments.patrol import Patrol
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.team import assemble, goal_pictures
+from vrchain.experiments.wrong_edges import misled
 from vrchain.files import write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.record import maker_of
@@ -73,6 +74,7 @@ class Suburb:
         config: MissionConfig | None = None,
         weights: Path = SHIPPED,
         patrol_s: float = PATROL_S,
+        wrong_edges: float = 0.0,
         tell: Callable[[Decision], None] = lambda decision: None,
     ) -> dict[str, object]:
         """Drive a mission by one arm: a row of ``evaluate``'s table, and its log."""
@@ -94,6 +96,7 @@ class Suburb:
                 eyes = oracle.eyes(lambda: simulator.pose(robot), lambda b: taken[digest(b)])
             else:
                 eyes = learned_eyes(weights)
+            eyes = misled(eyes, wrong_edges, number)
             goal: KnownGoal
             if mission.goal == PLACE:
                 (place,) = mission.goal_poses
@@ -181,12 +184,15 @@ def evaluate(
     weights: Path = SHIPPED,
     to_places: bool = False,
     patrol_s: float = PATROL_S,
+    wrong_edges: float = 0.0,
 ) -> tuple[pd.DataFrame, list[Mission]]:
     """One row a mission and arm, and the missions as they were drawn, to objects or to places.
 
     What was found already under ``folder`` is read from there.
     """
     unknown = [arm for arm in arms if arm not in ARMS]
+    if not 0 <= wrong_edges <= 1:
+        raise MissionError(f"expected a share of wrong edges from 0 to 1, got {wrong_edges}")
     if n_missions < 1 or unknown:
         raise MissionError(
             f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
@@ -194,7 +200,7 @@ def evaluate(
         )
     rig, config = rig or CameraRig(), config or MissionConfig()
     drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig), to_places]
-    driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED]
+    driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED, wrong_edges]
     own = folder / _name(drawn)
     rows, missions = [], []
     suburb: Suburb | None = None
@@ -216,7 +222,7 @@ def evaluate(
         for arm in arms:
             file = own / _name(driven) / f"mission_{number:04d}_{arm}.json"
             if not file.exists():
-                found = here().drive(mission, arm, config, weights, patrol_s)
+                found = here().drive(mission, arm, config, weights, patrol_s, wrong_edges)
                 write_file(file, json.dumps(found).encode())
             row = json.loads(file.read_text())
             row.pop("log")

@@ -1,0 +1,28 @@
+"""Eyes that are sometimes wrong: what a mission makes of a landmark graph with wrong edges."""
+
+from dataclasses import replace
+
+from vrchain.landmarks.common import Comparison
+from vrchain.navigation.eyes import Eyes, Look
+from vrchain.seeding import generator
+
+
+def misled(eyes: Eyes, share: float, seed: int) -> Eyes:
+    """Eyes that, of so many pairs with something in common, say what another pair has in common.
+
+    The claims, scores and relative pose are those of a pair compared before: as sure as any.
+    """
+    if share == 0:
+        return eyes
+    draws = generator(seed, "wrong edges")
+    before: list[Comparison] = []
+
+    def compare(a: Look, b: Look) -> Comparison:
+        found = eyes.compare(a, b)
+        if not found.common:
+            return found
+        before.append(found)
+        wrong = draws.uniform() < share
+        return before[int(draws.integers(len(before)))] if wrong else found
+
+    return replace(eyes, compare=compare)
