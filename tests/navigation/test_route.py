@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from vrchain.errors import ImageError
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
 from vrchain.navigation.goal import GoalSight
-from vrchain.navigation.route import Plan, plan, robot_of, worth
-from vrchain.navigation.terms import Published
+from vrchain.navigation.route import Plan, plan, worth
+from vrchain.navigation.terms import Published, robot_of
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 

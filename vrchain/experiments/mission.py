@@ -25,8 +25,7 @@ from vrchain.ledger.transaction import NO_BLOB
 from vrchain.navigation.eyes import Eyes, Look, learned_eyes
 from vrchain.navigation.goal import goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.route import panorama_name
-from vrchain.navigation.terms import Decision, MissionConfig, Published
+from vrchain.navigation.terms import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator

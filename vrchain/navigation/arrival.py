@@ -108,8 +108,8 @@ class Arrival:
             return False
         for _ in range(_TRIES):
             suspect = self._seen_around(suspect)
-            there = self._where_it_looks(suspect)
-            if there is None or self.pilot.here.distance_to_m(there) <= _LOOKS_FAR_M:
+            there = self._behind_this(suspect)
+            if there is None:
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
             suspect = self._close_in(replace(suspect, place=Place(there, 4.0 * np.eye(2))))
@@ -120,9 +120,7 @@ class Arrival:
             return True
         for seen in self._sides(suspect):
             suspect = self._close_in(seen)
-            there = self._where_it_looks(suspect)
-            near = there is None or self.pilot.here.distance_to_m(there) <= _LOOKS_FAR_M
-            if near and self._is_at(suspect.place):
+            if self._is_at(suspect.place) and self._behind_this(suspect) is None:
                 self._draw_up(suspect.place)
                 return True
         return self._give_up(suspect.place)
@@ -268,11 +266,14 @@ class Arrival:
             return suspect
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
-    def _where_it_looks(self, suspect: Suspect) -> Array | None:
-        """Where its side is, (2,), by how large it looked lately; None: nothing tells."""
+    def _behind_this(self, suspect: Suspect) -> Array | None:
+        """Where its side is, (2,), by how large it looked lately, if that is not here."""
         sized = [(here, sight) for here, sight in suspect.sights if sight.sized]
         places = [sighted(h, sight.bearing_rad, sight.surface_m).xy_m for h, sight in sized]
-        return np.median(places[-_LATELY:], axis=0) if places else None
+        if not places:
+            return None
+        there = np.median(places[-_LATELY:], axis=0)
+        return there if self.pilot.here.distance_to_m(there) > _LOOKS_FAR_M else None
 
 
 def _near(known_xy_m: list[Array], place: Place) -> bool:

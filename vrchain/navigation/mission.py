@@ -21,10 +21,17 @@ from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place
-from vrchain.navigation.route import LandmarkKey, Plan, Route, panorama_name, plan
+from vrchain.navigation.route import LandmarkKey, Plan, Route, plan
 from vrchain.navigation.stands import AGREED, Stands
 from vrchain.navigation.targets import targets
-from vrchain.navigation.terms import Body, Decision, GaveUp, MissionConfig, Published
+from vrchain.navigation.terms import (
+    Body,
+    Decision,
+    GaveUp,
+    MissionConfig,
+    Published,
+    panorama_name,
+)
 from vrchain.navigation.tracker import Tracker
 from vrchain.panorama import Panorama
 

@@ -4,11 +4,10 @@ The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of
 in front of the robot and those that the others have published.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
+from collections.abc import Callable, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import combinations, islice, pairwise
+from itertools import combinations, pairwise
 
-import networkx as nx
 import numpy as np
 
 from vrchain.errors import VRChainError
@@ -17,21 +16,17 @@ from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
+from vrchain.navigation.pairing import bridges, partners
 from vrchain.navigation.planner import Chain
 from vrchain.navigation.stands import baseline_m
-from vrchain.navigation.terms import Published
+from vrchain.navigation.terms import Published, panorama_name
 
 _FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
 _LEAST = 1e-300  # a chance is never nothing
-
-_FEW = 6  # panoramas: of no more, each two are compared
-_PARTNERS, _NEXT = 4, 2  # of more, each with so many of others, most alike, and its robot's next
-_BRIDGES = 40  # more comparisons, at a plan, if those leave the goal cut off
-_JOINED = 0.5  # trust from which two panoramas hang together
-_BEFORE = "~"
+_BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
 _OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
 
 LandmarkKey = tuple[bytes, bytes, int]
@@ -153,13 +148,11 @@ def plan(
         return trust(a, b, compared[a, b]) if compared[a, b].common else 0.0
 
     pairs = sorted(combinations(names, 2), key=lambda pair: -alike(looks[pair[0]], looks[pair[1]]))
-    few = len(names) <= _FEW
-    chosen = list(combinations(names, 2)) if few else _partners(names, pairs)
-    rights = {(a, b): joined(a, b) for a, b in chosen if b not in own}
+    rights = {(a, b): joined(a, b) for a, b in partners(names, pairs) if b not in own}
     if seen:
         known_before = index.n_compared
         left = (pair for pair in pairs if pair not in rights and pair[1] not in own)
-        for a, b in _bridges(names, left, rights, set(own), set(seen)):
+        for a, b in bridges(names, left, rights, set(own), set(seen)):
             rights[a, b] = joined(a, b)
             if index.n_compared - known_before >= _BRIDGES:
                 break
@@ -186,71 +179,11 @@ def plan(
     return Plan(best, spare, graph, seen, unreadable, known, looks, compared)
 
 
-def panorama_name(robot: str, k: int) -> str:
-    """What a robot's panorama is called, the newest or the k-th before it, as git has it."""
-    return f"{robot}{_BEFORE}{k}" if k else robot
-
-
-def robot_of(panorama: str) -> str:
-    """Whose panorama has such a name."""
-    return panorama.partition(_BEFORE)[0]
-
-
 def _way_back(a: str, b: str) -> Claim:
     """From one own panorama to the one before: what odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
     none = np.empty(0, dtype=np.int64)
     return Claim(a, b, CommonLandmark(_OWN_WAY, nowhere, replace(nowhere), none, none), _OWN_WAY)
-
-
-def _partners(
-    names: Sequence[str], most_alike_first: Sequence[tuple[str, str]]
-) -> list[tuple[str, str]]:
-    """Which of many panoramas are compared: those of different robots that look alike, and what
-    one robot saw in succession. names: the oldest first.
-    """
-    chosen: set[tuple[str, str]] = set()
-    trails: dict[str, list[str]] = {}
-    for name in names:
-        trail = trails.setdefault(robot_of(name), [])
-        chosen.update((before, name) for before in trail[-_NEXT:])
-        trail.append(name)
-        others = ((a, b) for a, b in most_alike_first if name in (a, b))
-        chosen.update(islice((p for p in others if robot_of(p[0]) != robot_of(p[1])), _PARTNERS))
-    return [pair for pair in combinations(names, 2) if pair in chosen]
-
-
-def _bridges(
-    names: Sequence[str],
-    left: Iterable[tuple[str, str]],
-    rights: Mapping[tuple[str, str], float],
-    own: Set[str],
-    seers: Set[str],
-) -> Iterator[tuple[str, str]]:
-    """Pairs that may join the robot's part of the graph, or the goal's, to another; till it is one.
-
-    left: pairs not compared yet, the most promising first; rights: the trust in each that was, to
-    which what is learned of the pairs that come from here is added meanwhile.
-    """
-    graph = nx.Graph()
-    graph.add_nodes_from(names)
-    nx.add_path(graph, [name for name in names if name in own])
-    graph.add_edges_from(pair for pair, right in rights.items() if right >= _JOINED)
-
-    def parts() -> tuple[dict[str, int], set[int], set[int]]:
-        part = {name: k for k, own in enumerate(nx.connected_components(graph)) for name in own}
-        return part, {part[name] for name in own}, {part[name] for name in seers}
-
-    part, here, there = parts()
-    for a, b in left:
-        if here & there:
-            return
-        ends = {part[a], part[b]}
-        if len(ends) == 2 and ends & (here | there):
-            yield a, b
-            if rights[a, b] >= _JOINED:
-                graph.add_edge(a, b)
-                part, here, there = parts()
 
 
 def _readable(index: LandmarkIndex[Look], digest: bytes) -> bool:

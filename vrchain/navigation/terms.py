@@ -6,6 +6,8 @@ from typing import Any, Protocol
 
 from vrchain.robot import Drive, Observation
 
+_BEFORE = "~"
+
 
 class Body(Protocol):
     """What a mission needs of a robot: its senses and its wheels."""
@@ -71,3 +73,13 @@ class Log(Protocol):
 
     def __call__(self, what: str, why: str, look: int | None = None, **values: Any) -> None:
         """Fields of ``Decision``."""
+
+
+def panorama_name(robot: str, k: int) -> str:
+    """What a robot's panorama is called, the newest or the k-th before it, as git has it."""
+    return f"{robot}{_BEFORE}{k}" if k else robot
+
+
+def robot_of(panorama: str) -> str:
+    """Whose panorama has such a name."""
+    return panorama.partition(_BEFORE)[0]

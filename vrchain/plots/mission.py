@@ -11,7 +11,8 @@ from matplotlib.patches import Rectangle
 from vrchain.experiments.mission import MissionRun
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import Region
-from vrchain.navigation.route import Route, robot_of
+from vrchain.navigation.route import Route
+from vrchain.navigation.terms import robot_of
 from vrchain.panorama import Panorama, encode_png
 from vrchain.plots.maps import ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
 from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
