@@ -29,7 +29,7 @@ _SHAPE_M, _APART_M = 5.0, 2.0  # sights from nearer show no shape; from places n
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _LOOKS_FAR_M, _LATELY = 7.0, 3  # to where it looks to be, by so many of the latest sights
-_TRIES = 3  # to drive on to what still looks far
+_TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, and on to where it is looked at
 _SIDE_S = 25.0  # to get there
@@ -112,7 +112,10 @@ class Arrival:
             if there is None:
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
+            before = self.pilot.here
             suspect = self._close_in(replace(suspect, place=Place(there, 4.0 * np.eye(2))))
+            if self.pilot.here.distance_to_m(before.xy_m) < _HEADWAY_M:
+                return self._give_up(suspect.place)
         else:
             return self._give_up(suspect.place)
         if self._is_at(suspect.place):
