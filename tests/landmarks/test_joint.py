@@ -81,6 +81,12 @@ def test_two_robots_agree_on_what_they_see_and_where_they_stand(
     assert verdicts[0].right
 
 
+def test_panoramas_that_were_hardly_joined_rightly_have_nothing_in_common() -> None:
+    sure, unsure = (compare_joint(*records(), JointConfig(min_joined=p)) for p in (0.3, 1.0))
+    assert sure.common and not unsure.common
+    assert unsure.geometry is not None
+
+
 def test_no_landmark_is_claimed_in_pieces() -> None:
     a, b = records()
     pairs = np.stack([np.arange(4)] * 2, axis=1)

@@ -25,6 +25,7 @@ from vrchain.landmarks.constellation import (
 )
 from vrchain.landmarks.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.guided import matched_under
+from vrchain.landmarks.joined import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.proposer import Proposals, overlaps
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
 from vrchain.landmarks.record import LandmarkRecord, owners
@@ -61,6 +62,7 @@ class JointConfig:
     alike_descriptors: float = 300.0  # distance of descriptors of keypoints that match
     same_box: float = 0.4  # intersection over union from which two claims are of one landmark
     min_score: float = 0.8  # claims less likely than this to be right are not made
+    min_joined: float = 0.3  # nor any of panoramas less likely than this to be joined rightly
     constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
 
     @property
@@ -95,11 +97,12 @@ def compare_joint(
         return Comparison((), None)
     worth = calibration.claims[config.name]
     score = worth.probability(found.features)
-    made = [
-        claim(a, b, found, k, float(score[k]))
-        for k in distinct(a, b, found.pairs, score, config)
-        if score[k] >= config.min_score
-    ]
+    own = distinct(a, b, found.pairs, score, config)
+    heard = [score[k] for k in own if score[k] >= LEAST_CLAIM]
+    few = min(len(a.proposals), len(b.proposals))
+    if chance_joined(heard, few, found.geometry) < config.min_joined:
+        return Comparison((), found.geometry)
+    made = [claim(a, b, found, k, float(score[k])) for k in own if score[k] >= config.min_score]
     return Comparison(tuple(made), found.geometry)
 
 

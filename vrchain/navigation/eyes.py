@@ -11,6 +11,7 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.gallery import record_from
+from vrchain.landmarks.joined import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.joint import JointConfig, compare_joint
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.record import LandmarkRecord, examine
@@ -20,11 +21,8 @@ from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.robot import Observation
 
-# Claims a proposal, all of them sure, of panoramas joined rightly half the time, and how steeply
-# that chance rises: logistic regression on 955 pairs of seed 1003.
-_FEW, _STEEP = 0.04, 3.4
-_NEAR_HEIGHTS = 20.0  # at shorter distances, in camera heights, each claim counts for less
-PLANNING = JointConfig(min_score=0.3)  # a route weighs its claims by their scores
+# A route weighs claims by their scores, and by the chance that panoramas were joined rightly.
+PLANNING = JointConfig(min_score=LEAST_CLAIM, min_joined=0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,17 +110,9 @@ def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eye
 
 
 def trusted(a: Look, b: Look, found: Comparison) -> float:
-    """The chance that panoramas were joined rightly, by how many claims there are, how sure.
-
-    Of panoramas far apart a wrong relative pose is sometimes found, and the more proposals there
-    are, the more claims under it; it mostly says that they are near to each other, but then they
-    would have much more in common.
-    """
-    heights = np.inf if found.geometry is None else found.geometry.baseline_heights
-    counted = min(1.0, 0.15 + heights / _NEAR_HEIGHTS) if np.isfinite(heights) else 1.0
-    speaks = counted * sum(common.score**2 for common in found.common)
-    few = max(_FEW * min(len(a.proposals), len(b.proposals)), 1e-9)
-    return float(1.0 / (1.0 + (few / speaks) ** _STEEP)) if speaks > 0 else 0.0
+    """The chance that panoramas were joined rightly."""
+    few = min(len(a.proposals), len(b.proposals))
+    return chance_joined([common.score for common in found.common], few, found.geometry)
 
 
 def in_robots_frame(look: Look, seen: Observation) -> Look:
