@@ -5,14 +5,11 @@ import pytest
 
 from navigation.plains import Plain, Thing
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import Region
 from vrchain.navigation.eyes import in_robots_frame, surface_m
 from vrchain.robot import Observation
 
 HERE = Pose(0.0, 0.0)
 STREET = Plain(tuple(Thing(f"t{i}", (12 * np.cos(i), 12 * np.sin(i))) for i in range(6)))
-REGION = Region(0, (0.0, 0.0, 10.0, 10.0), 0.1, 0.2)
-NONE = np.empty(0, dtype=np.int64)
 
 
 def test_what_one_camera_sees_is_told_from_the_robots_heading() -> None:

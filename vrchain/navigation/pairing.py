@@ -1,7 +1,7 @@
 """Which panoramas are compared with which: all of them with all would take too long."""
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Set
-from itertools import combinations, islice
+from itertools import combinations
 
 import networkx as nx
 
@@ -26,8 +26,12 @@ def partners(
         trail = trails.setdefault(robot_of(name), [])
         chosen.update((before, name) for before in trail[-_NEXT:])
         trail.append(name)
-        others = ((a, b) for a, b in most_alike_first if name in (a, b))
-        chosen.update(islice((p for p in others if robot_of(p[0]) != robot_of(p[1])), _PARTNERS))
+    rank = dict.fromkeys(names, 0)
+    for a, b in most_alike_first:
+        if robot_of(a) != robot_of(b):
+            if min(rank[a], rank[b]) < _PARTNERS:
+                chosen.add((a, b))
+            rank[a], rank[b] = rank[a] + 1, rank[b] + 1
     return [pair for pair in combinations(names, 2) if pair in chosen]
 
 
