@@ -247,21 +247,26 @@ def _settle(
     config: ConstellationConfig,
 ) -> tuple[Array, Array]:
     """The pose by least squares over the candidates that it makes likely, and its covariance."""
-    pose = pose.copy()
-    normal = np.eye(3)
+    pose, normal = pose.copy(), np.eye(3)
     for _ in range(6):
         place = _place(pose[None], places_a, places_b, shape_a, shape_b, config)[0]
         weight = 1 / (1 + np.exp(-(np.minimum(looks, 4.0) + place)))
         turn = _rotations(pose[2:])[0]
-        moved = places_b @ turn.T
-        apart = places_a - moved - pose[:2]
-        inverse = np.linalg.inv(shape_a + turn @ shape_b @ turn.T)
-        jacobian = np.zeros((len(looks), 2, 3))
-        jacobian[:, 0, 0] = jacobian[:, 1, 1] = 1.0
-        jacobian[:, 0, 2], jacobian[:, 1, 2] = -moved[:, 1], moved[:, 0]
-        weighted = np.swapaxes(jacobian, 1, 2) @ inverse * weight[:, None, None]
-        normal = (weighted @ jacobian).sum(axis=0) + np.diag([1e-4, 1e-4, 1e-3])
-        pose += np.linalg.solve(normal, (weighted @ apart[..., None]).sum(axis=0)[:, 0])
+        x, y = (places_b @ turn.T).T
+        off_x, off_y = (places_a - pose[:2]).T - (x, y)
+        # weight times the inverse of the sum of covariances, written out: p q / q r
+        unsure = shape_a + turn @ shape_b @ turn.T
+        r, q, p = unsure[:, 0, 0], -unsure[:, 0, 1], unsure[:, 1, 1]
+        p, q, r = np.array([p, q, r]) * (weight / (p * r - q * q))
+        # by how much x, y and heading pull, and (the mixed terms once) how strongly they are held
+        pull_x, pull_y = p * off_x + q * off_y, q * off_x + r * off_y
+        turn_x, turn_y = q * x - p * y, r * x - q * y
+        (xx, xy, yy, xt, yt, tt, pull, pull_across, pull_round) = np.sum(
+            [p, q, r, turn_x, turn_y, turn_y * x - turn_x * y, pull_x, pull_y,
+             pull_y * x - pull_x * y], axis=1,
+        )  # fmt: skip
+        normal = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + np.diag([1e-4, 1e-4, 1e-3])
+        pose += np.linalg.solve(normal, [pull, pull_across, pull_round])
     return pose, np.asarray(np.linalg.inv(normal), dtype=float)
 
 

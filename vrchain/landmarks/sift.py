@@ -3,12 +3,13 @@
 Lowe (2004), "Distinctive Image Features from Scale-Invariant Keypoints".
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vrchain.geometry import wrap_angle_rad
 from vrchain.panorama import Panorama
 
 _SEAM_PX = 64  # the cylinder is continued this far, so that keypoints at the seam are whole
@@ -47,6 +48,10 @@ class Features:
         i = np.asarray(index)
         return Features(self.bearing_rad[i], self.slope[i], self.size_rad[i], self.descriptors[i])
 
+    def near(self, bearing_rad: float, half_rad: float) -> "Features":
+        """Those at most so far beside a bearing."""
+        return self.take(np.abs(wrap_angle_rad(self.bearing_rad - bearing_rad)) <= half_rad)
+
     @property
     def directions(self) -> NDArray[np.float64]:
         """(n, 2): bearing_rad and slope."""
@@ -65,13 +70,34 @@ def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
 
 def extract(panorama: Panorama) -> Features:
     """The features of a panorama, found on its cylinder; nothing is cut at the seam."""
+    return _on_columns(panorama, 0, panorama.cylinder.shape[1])
+
+
+def extract_near(panorama: Panorama, bearing_rad: float, half_rad: float) -> Features:
+    """Those at most so far beside a bearing, found on that part of the cylinder alone.
+
+    But for a few of the largest, which reach beyond it, they are those of ``extract``.
+    """
+    rig, columns = panorama.rig, panorama.cylinder.shape[1]
+    wide = int(np.ceil(2 * half_rad * rig.px_per_rad)) + _SEAM_PX
+    if not rig.closed or wide + 2 * _SEAM_PX >= columns:
+        return extract(panorama).near(bearing_rad, half_rad)
+    left_px = float(rig.column_of_bearing(wrap_angle_rad(bearing_rad + half_rad)))
+    first = int(left_px // _SEAM_PX) * _SEAM_PX  # the same pixels as of the whole, halved again
+    found = _on_columns(panorama, first, wide)
+    return replace(found, bearing_rad=wrap_angle_rad(found.bearing_rad)).near(bearing_rad, half_rad)
+
+
+def _on_columns(panorama: Panorama, first: int, wide: int) -> Features:
+    """Features on so many columns of the cylinder from the first on, round where it is closed."""
     rig, image = panorama.rig, panorama.cylinder
-    pad = min(_SEAM_PX, image.shape[1]) if rig.closed else 0
-    found = detect(np.pad(image, ((0, 0), (pad, pad), (0, 0)), mode="wrap"))
+    pad = min(_SEAM_PX, wide) if rig.closed else 0
+    columns = np.arange(first - pad, first + wide + pad) % image.shape[1]
+    found = detect(image[:, columns])
     column = found.xy_px[:, 0] - pad
-    own = (column >= -0.5) & (column < image.shape[1] - 0.5)
+    own = (column >= -0.5) & (column < wide - 0.5)
     return Features(
-        rig.bearing_of_column(column[own]),
+        rig.bearing_of_column(column[own] + first),
         rig.slope_of_row(found.xy_px[own, 1]),
         found.size_px[own] / rig.px_per_rad,
         found.descriptors[own],

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +15,7 @@ from vrchain.landmarks.joined import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.joint import JointConfig, compare_joint
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.record import LandmarkRecord, examine
-from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.sift import Features, extract, extract_near
 from vrchain.landmarks.spots import NO_SPOTS, Spots
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import CameraRig, Panorama
@@ -29,8 +29,9 @@ PLANNING = JointConfig(min_score=LEAST_CLAIM, min_joined=0.0)
 class Look:
     """What a robot makes of what it sees: what may be landmarks, their spots, and all keypoints.
 
-    Bearings in the robot's frame. extracted: the keypoints, once they are asked for. record: of a
-    whole panorama, as it is published and compared.
+    Bearings in the robot's frame. extracted: the keypoints, once they are asked for; extracted_near:
+    those so far beside a bearing, where that costs less. record: of a whole panorama, as it is
+    published and compared.
     """
 
     rig: CameraRig
@@ -38,10 +39,17 @@ class Look:
     extracted: Callable[[], Features]
     spots: Spots = NO_SPOTS
     record: LandmarkRecord | None = None
+    extracted_near: Callable[[float, float], Features] | None = None
 
     @cached_property
     def features(self) -> Features:
         return self.extracted()
+
+    def features_near(self, bearing_rad: float, half_rad: float) -> Features:
+        """The keypoints at most so far beside a bearing."""
+        if self.extracted_near is not None:
+            return self.extracted_near(bearing_rad, half_rad)
+        return self.features.near(bearing_rad, half_rad)
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,6 +92,7 @@ def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eye
     """Eyes by the network and by SIFT; LearnedError without torch or weights."""
     calibration = load_calibration(weights)
     last: list[tuple[Panorama, Look]] = []  # what is published was just looked at
+    decoded = lru_cache(maxsize=1)(Panorama.decode)  # the goal is sought in parts of it
 
     def look(seen: Observation) -> Look:
         assert seen.panorama is not None
@@ -97,10 +106,14 @@ def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eye
     def stored(panorama: bytes, landmarks: bytes | None) -> Look:
         record = record_from(panorama, landmarks, weights)
 
-        def extracted() -> Features:
-            return extract(Panorama.decode(panorama))
-
-        return Look(record.rig, record.proposals, extracted, record.spots, record)
+        return Look(
+            record.rig,
+            record.proposals,
+            lambda: extract(decoded(panorama)),
+            record.spots,
+            record,
+            lambda bearing_rad, half_rad: extract_near(decoded(panorama), bearing_rad, half_rad),
+        )
 
     def compare(a: Look, b: Look) -> Comparison:
         assert a.record is not None and b.record is not None, "only whole panoramas are compared"

@@ -108,8 +108,7 @@ class GoalPictures:
 
     def _located(self, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
         """The goal by keypoints around a bearing, picture by picture."""
-        off = np.abs(wrap_angle_rad(look.features.bearing_rad - middle_rad))
-        near = look.features.take(off <= window_rad)
+        near = look.features_near(middle_rad, window_rad)
         found = {
             k: locate(template, near, min_matches=BY_CHANCE + 1)
             for k, template in enumerate(self.keypoints.templates)

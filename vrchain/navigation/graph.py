@@ -9,12 +9,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import combinations
-from math import remainder, tau
 
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.navigation.planner import Planner
 
@@ -133,11 +133,11 @@ def landmark_graph(
     goal: the robots that see it, each with the chance that what it sees is the goal.
     """
     surest_first = sorted(claims, key=lambda claim: -claim.score)
-    regions = _Regions()
-    ends = [
-        (regions.number(c.a, c.landmark.a), regions.number(c.b, c.landmark.b)) for c in surest_first
-    ]
-    label = split_components(regions.robots, ends)
+    numbers, owners = _numbered(
+        [end for c in surest_first for end in ((c.a, c.landmark.a), (c.b, c.landmark.b))]
+    )
+    ends = list(zip(numbers[::2], numbers[1::2], strict=True))
+    label = split_components(owners, ends)
     members: dict[int, list[int]] = {}
     for k, (u, v) in enumerate(ends):
         if label[u] == label[v]:
@@ -192,28 +192,35 @@ def split_components(
     return label
 
 
-class _Regions:
-    """Numbers the regions of each panorama: claims on much the same bearings mean the same one."""
+def _numbered(seen: Sequence[tuple[str, Region]]) -> tuple[list[int], list[str]]:
+    """The number of each region, one for those of a panorama on much the same bearings, and whose.
 
-    def __init__(self) -> None:
-        self.robots: list[str] = []
-        self._of_robot: dict[str, list[tuple[int, Region]]] = {}
+    The first of them stands for the others.
+    """
+    of_robot: dict[str, list[int]] = {}
+    for k, (robot, _) in enumerate(seen):
+        of_robot.setdefault(robot, []).append(k)
+    founder = np.arange(len(seen))
+    for own in of_robot.values():
+        same = _same([seen[k][1] for k in own])
+        left = np.ones(len(own), dtype=bool)
+        for i, k in enumerate(own):
+            if left[i]:
+                members = np.flatnonzero(left & same[i])
+                founder[np.array(own)[members]] = k
+                left[members] = left[i] = False
+    founders, number = np.unique(founder, return_inverse=True)
+    return number.tolist(), [seen[k][0] for k in founders]
 
-    def number(self, robot: str, region: Region) -> int:
-        known = self._of_robot.setdefault(robot, [])
-        for number, founder in known:
-            if _same(founder, region):
-                return number
-        self.robots.append(robot)
-        known.append((len(self.robots) - 1, region))
-        return len(self.robots) - 1
 
-
-def _same(one: Region, other: Region) -> bool:
-    """Whether two regions of one panorama have half of the bearings they cover in common."""
-    if one.bearing_rad is None or other.bearing_rad is None:
-        return one is other
-    widths = (one.angular_size_rad or 0.0, other.angular_size_rad or 0.0)
-    apart = abs(remainder(one.bearing_rad - other.bearing_rad, tau))
-    common = min(sum(widths) / 2 - apart, *widths)
-    return common >= _SAME_REGION * (sum(widths) - common)
+def _same(regions: Sequence[Region]) -> NDArray[np.bool_]:
+    """Which regions of one panorama have half of the bearings they cover in common: (n, n)."""
+    nowhere = [r.bearing_rad is None for r in regions]
+    bearing = np.array([r.bearing_rad or 0.0 for r in regions])
+    width = np.array([r.angular_size_rad or 0.0 for r in regions])
+    both = width[:, None] + width
+    apart = np.abs(wrap_angle_rad(bearing[:, None] - bearing))
+    common = np.minimum(both / 2 - apart, np.minimum(width[:, None], width))
+    same = common >= _SAME_REGION * (both - common)
+    same[nowhere] = same[:, nowhere] = False
+    return same | np.eye(len(regions), dtype=bool)
