@@ -7,9 +7,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vrchain.errors import ImageError
+from vrchain.geometry import Pose
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
+from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.route import Plan, plan, worth
+from vrchain.navigation.stands import relative
 from vrchain.navigation.terms import Published, robot_of
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -33,7 +36,7 @@ class StubGoal:
         return GoalSight(0.1, 12.0, 10.0, 0.2, look.matches, 2.0, chance)
 
 
-GOAL, NOTHING = StubGoal(), Shown(0)
+GOAL, NOTHING, RIG = StubGoal(), Shown(0), CameraRig()
 
 
 def region(bearing_rad: float) -> Region:
@@ -426,3 +429,35 @@ def test_the_goal_is_one_thing() -> None:
 
     assert seen_by(R2=30, R3=16, R4=4) == ["R2", "R3"]
     assert seen_by(R2=98, R3=48, R4=52) == ["R2", "R4"]
+
+
+def test_a_join_that_others_deny_is_not_driven_by() -> None:
+    """R2 looks like the place where R1 stands, and is not; R3 is known from two of its looks."""
+    stood = [Pose(0, 0), Pose(-6, 0), Pose(-12, 0)]
+    own = [NOTHING, Shown(1), Shown(2)]
+    there = Pose(4.0, 3.0, 1.0)
+
+    class Looking(StubIndex):
+        def compare_with(self, current: Shown, b: bytes) -> Comparison:
+            k = next(i for i, look in enumerate(own) if look is current)
+            self.asked.append((f"R1~{k}", b.decode()))
+            if b == b"R2" and k:
+                return Comparison((), None)
+            to = relative(stood[k], there)
+            way_m = float(np.hypot(*to.xy_m))
+            course = float(np.arctan2(to.y_m, to.x_m))
+            heights = way_m / RIG.camera_height_m
+            geometry = PlanarGeometry(course, to.yaw_rad, np.ones(3, dtype=bool), 0.0, heights)
+            return Comparison((landmark(0.9, int(b[1:]) / 3),), geometry)
+
+    published = {"R2": Published(b"R2"), "R3": Published(b"R3")}
+
+    def planned(trust: float) -> Plan:
+        index = Looking({}, {"R2": 60, "R3": 20})
+        return plan(
+            "R1", NOTHING, published, index, GOAL, trust=lambda a, b, found: trust,
+            before=own[1:], stood=stood,
+        )  # fmt: skip
+
+    assert planned(0.5).route.robots[-1] == "R3"
+    assert planned(1.0).route.robots[-1] == "R2"  # the surer sight of the goal

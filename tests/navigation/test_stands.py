@@ -1,13 +1,17 @@
 from dataclasses import replace
+from itertools import combinations
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from navigation.plains import RIG
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.epipolar import PlanarGeometry
-from vrchain.navigation.stands import Stands, baseline_m, stand_of
+from vrchain.navigation.stands import Join, Joins, Pair, baseline_m, relative, stand_of
+from vrchain.seeding import generator
 
 THERE = Pose(20.0, 5.0, 2.0)
 
@@ -39,20 +43,60 @@ def test_no_pose_no_stand() -> None:
     unsized = Comparison((), replace(bare.geometry, baseline_heights=np.nan))
     for found in (nothing, unsized):
         assert stand_of(Pose(0, 0), found, RIG) is None
-        assert not Stands().agree(Pose(0, 0), b"R2", found, RIG)
 
 
-def test_looks_from_two_places_agree_on_what_is_so_and_on_nothing_else() -> None:
-    one, two = Pose(0.0, 0.0), Pose(8.0, -4.0, 1.0)
-    stands = Stands()
-    assert not stands.agree(one, b"R2", seen_from(one), RIG)  # nobody else has told yet
-    assert not stands.agree(one, b"R2", seen_from(one), RIG)  # the same place says nothing new
-    assert stands.agree(two, b"R2", seen_from(two), RIG)
-    assert not stands.agree(two, b"R3", seen_from(two), RIG)  # of another panorama
+def told(poses: dict[str, Pose], trust: float = 0.95, **others: float) -> dict[Pair, Join]:
+    """Right joins of all panoramas taken at ``poses``; others: the trust in some, as a_b."""
+    return {
+        (a, b): Join(relative(poses[a], poses[b]), others.get(f"{a}_{b}", trust))
+        for a, b in combinations(poses, 2)
+    }
 
-    stands = Stands()
-    stands.agree(one, b"R2", seen_from(one), RIG)
-    elsewhere = seen_from(two, Pose(20.0, -9.0, 2.0))
-    turned = seen_from(two, replace(THERE, yaw_rad=1.2))
-    assert not stands.agree(two, b"R2", elsewhere, RIG)
-    assert not stands.agree(two, b"R2", turned, RIG)
+
+WHOLE = {"a": Pose(0, 0, 1.0), "b": Pose(9, 2, -2.0), "c": Pose(4, 6, 3.0), "d": Pose(12, 7, 0.5)}
+ELSEWHERE = Join(Pose(1.0, 0.5, 0.3), 0.4)  # says that b is next to a
+
+
+def test_what_others_agree_on_is_surer() -> None:
+    joins = Joins(told(WHOLE, a_b=0.4))
+    assert joins.trust(("a", "b")) > 0.8 and joins.unasked(("a", "b")) == []
+    assert joins.trust(("a", "c")) > 0.95
+
+
+def test_what_others_deny_is_less_sure() -> None:
+    """c and d know where a stands; b, said to stand there too, they do not know."""
+    joins = told(WHOLE)
+    joins[("a", "b")] = ELSEWHERE
+    for pair in (("b", "c"), ("b", "d")):
+        joins[pair] = Join(None, 0.0)
+    assert Joins(joins).trust(("a", "b")) < 0.15
+    joins[("b", "c")] = Join(Pose(50.0, 0.0, 0.0), 0.9)  # known to stand elsewhere: no better
+    assert Joins(joins).trust(("a", "b")) < 0.15
+
+
+def test_what_nobody_tells_of_stays_as_it_is_and_may_be_asked() -> None:
+    joins = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
+    joins[("a", "b")] = told(WHOLE)[("a", "b")]
+    unsure = {**joins, ("a", "b"): Join(joins["a", "b"].stand, 0.4)}
+    assert Joins(unsure).trust(("a", "b")) == pytest.approx(0.4)
+    assert Joins(unsure).unasked(("a", "b")) == [("d", "b"), ("c", "b")]  # the nearer first
+    nowhere = {**joins, ("a", "b"): Join(None, 0.4)}
+    assert Joins(nowhere).trust(("a", "b")) == pytest.approx(0.4)
+    assert Joins(nowhere).unasked(("a", "b")) == []
+
+
+def test_never_is_never_and_surely_is_surely() -> None:
+    for certain in (0.0, 1.0):
+        assert Joins(told(WHOLE, a_b=certain)).trust(("a", "b")) == certain
+
+
+@given(st.integers(0, 10_000))
+def test_it_matters_neither_in_which_order_nor_from_where(seed: int) -> None:
+    draws = generator(seed, "joins")
+    poses = {n: Pose(*map(float, (*draws.uniform(-8, 8, 2), draws.uniform(-3, 3)))) for n in "abcd"}
+    trusts = {f"{a}_{b}": float(draws.choice([0.0, 0.3, 0.9])) for a, b in combinations("abcd", 2)}
+    joins = told(poses, **trusts)
+    turned = {(b, a): Join(j.stand and relative(j.stand, Pose(0, 0)), j.trust)
+              for (a, b), j in reversed(joins.items())}  # fmt: skip
+    for a, b in joins:
+        assert Joins(joins).trust((a, b)) == pytest.approx(Joins(turned).trust((b, a)))

@@ -39,7 +39,7 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
-FORMAT = 4
+FORMAT = 5
 PAIRS_A_SUBURB = 10
 LEAST_SCORE = 0.02  # claims are kept from here on, to see what other thresholds would do
 GIVEN = "sift, regions given"

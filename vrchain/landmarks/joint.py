@@ -61,8 +61,8 @@ class JointConfig:
     guided_rad: float = 0.005  # ... of keypoints, once the relative pose is known
     alike_descriptors: float = 300.0  # distance of descriptors of keypoints that match
     same_box: float = 0.4  # intersection over union from which two claims are of one landmark
-    min_score: float = 0.8  # claims less likely than this to be right are not made
-    min_joined: float = 0.3  # nor any of panoramas less likely than this to be joined rightly
+    min_score: float = 0.75  # claims less likely than this to be right are not made
+    min_joined: float = 0.5  # nor any of panoramas less likely than this to be joined rightly
     constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
 
     @property

@@ -29,9 +29,9 @@ PLANNING = JointConfig(min_score=LEAST_CLAIM, min_joined=0.0)
 class Look:
     """What a robot makes of what it sees: what may be landmarks, their spots, and all keypoints.
 
-    Bearings in the robot's frame. extracted: the keypoints, once they are asked for; extracted_near:
-    those so far beside a bearing, where that costs less. record: of a whole panorama, as it is
-    published and compared.
+    Bearings in the robot's frame. extracted: the keypoints, once they are asked for;
+    extracted_near: those so far beside a bearing, where that costs less. record: of a whole
+    panorama, as it is published and compared.
     """
 
     rig: CameraRig

@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import Arrival, Suspect
 from vrchain.navigation.driving import Array, Pilot
@@ -22,7 +21,6 @@ from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place
 from vrchain.navigation.route import LandmarkKey, Plan, Route, plan
-from vrchain.navigation.stands import AGREED, Stands
 from vrchain.navigation.targets import targets
 from vrchain.navigation.terms import (
     Body,
@@ -122,7 +120,6 @@ class _Mission:
             else Arrival(pilot, goal, self.log)
         )
         self.explorer = Explorer(pilot, self.log)
-        self.stands = Stands()
 
     def log(self, what: str, why: str, look: int | None = None, **values: Any) -> None:
         decision = Decision(self.pilot.now.time_ns / 1e9, what, why, look, values)
@@ -165,18 +162,10 @@ class _Mission:
         published, eyes = self.published(), self.pilot.eyes
         self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
         latest = self.own[:_OWN]
-        own = {panorama_name(self.robot, k): seen for k, seen in enumerate(latest)}
-
-        def trust(a: str, b: str, found: Comparison) -> float:
-            digest = published[b].digest
-            agreed = a in own and self.stands.agree(own[a][0], digest, found, look.rig)
-            one = own[a][1] if a in own else self.index.look(published[a].digest)
-            trust = max(AGREED if agreed else 0.0, eyes.trust(one, self.index.look(digest), found))
-            return trust * self.lasting(published[b])
-
         return plan(
-            self.robot, look, published, self.index, self.goal, self.failed, self.doubted, trust,
-            self.alike, [seen for _, seen, _ in latest[1:]],
+            self.robot, look, published, self.index, self.goal, self.failed, self.doubted,
+            eyes.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
+            [stood for stood, _, _ in latest],
         )  # fmt: skip
 
     def alike(self, a: Look, b: Look) -> float:

@@ -4,29 +4,31 @@ The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of
 in front of the robot and those that the others have published.
 """
 
-from collections.abc import Callable, Mapping, Sequence, Set
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 
 from vrchain.errors import VRChainError
+from vrchain.geometry import Pose
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.index import LandmarkIndex
+from vrchain.navigation.compared import Compared
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
-from vrchain.navigation.pairing import bridges, partners
 from vrchain.navigation.planner import Chain
-from vrchain.navigation.stands import baseline_m
+from vrchain.navigation.stands import Pair, baseline_m
 from vrchain.navigation.terms import Published, panorama_name
+from vrchain.panorama import CameraRig
 
 _FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
 _LEAST = 1e-300  # a chance is never nothing
-_BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
+_CHECKS = 4  # times a route is drawn up anew after its joins were checked
 _OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
 
 LandmarkKey = tuple[bytes, bytes, int]
@@ -103,31 +105,29 @@ def plan(
     goal: KnownGoal,
     failed: Set[LandmarkKey] = frozenset(),
     doubted: Set[bytes] = frozenset(),
-    trust: Callable[[str, str, Comparison], float] = lambda a, b, found: 1.0,
+    trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0,
+    lasting: Callable[[Published], float] = lambda seen: 1.0,
     alike: Callable[[Look, Look], float] = lambda a, b: 0.0,
     before: Sequence[Look] = (),
+    stood: Sequence[Pose] = (),
     spares: int = 2,
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
     published: panoramas of others, by name. failed: landmarks not to use again. doubted: digests of
     panoramas whose sight of the goal is not to be trusted. trust: the chance that two panoramas
-    were joined rightly. alike: how much two look alike, where there are too many to compare them
-    all. before: what the robot saw earlier, latest first, from where its odometry leads back; a
-    route may begin there. spares: how many more routes.
+    were joined rightly; it counts for more where others agree, for less where they do not. lasting:
+    the chance that a view has not changed since. alike: how much two look alike, where there are
+    too many to compare them all. before: what the robot saw earlier, latest first, from where its
+    odometry leads back; a route may begin there. stood: where it stood for each look, the current
+    one first. spares: how many more routes.
     """
     unreadable = tuple(n for n in sorted(published) if not _readable(index, published[n].digest))
     known = {name: p for name, p in published.items() if name not in unreadable}
     own = {panorama_name(robot, k): look for k, look in enumerate((current, *before))}
-    looks = {**own, **{name: index.look(p.digest) for name, p in known.items()}}
-    seen: dict[str, GoalSight] = {}
-    for name, p in known.items():
-        sighting = None if p.digest in doubted else goal.find(looks[name])
-        if sighting and sighting.chance >= _LEAST_SIGHT:
-            seen[name] = sighting
-    surest = max((s.chance for s in seen.values()), default=0.0)
-    seen = {name: s for name, s in seen.items() if s.chance >= _RIVAL * surest}
-    names = [*own, *sorted(known, key=lambda name: (known[name].time_ns, name))]
+    panoramas = Compared(own, known, index, trust, stood)
+    seen = _sights(known, panoramas.looks, goal, doubted)
+    panoramas.compare_likely(alike, set(seen))
     digests = {**dict.fromkeys(own, b""), **{name: p.digest for name, p in known.items()}}
 
     def key(claim: Claim) -> LandmarkKey:
@@ -135,48 +135,59 @@ def plan(
         bearing = claim.landmark.b.bearing_rad or 0.0
         return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5)
 
-    def common_to(a: str, b: str) -> Comparison:
-        if a in own:
-            return index.compare_with(looks[a], digests[b])
-        return index.compare(digests[a], digests[b])
+    def routes() -> tuple[LandmarkGraph, tuple[Route, ...]]:
+        rights = {(a, b): t * lasting(known[b]) for (a, b), t in panoramas.trusts().items()}
+        claims = [_way_back(a, b) for a, b in pairwise(own)]
+        claims += [c for c in _claims(panoramas.found, rights, current.rig) if key(c) not in failed]
+        chances = {name: sighting.chance for name, sighting in seen.items()}
+        graph = landmark_graph(panoramas.names, claims, chances)
+        chains = graph.planner.routes(
+            0, {panoramas.names.index(name): chance for name, chance in chances.items()},
+            1 + spares,
+            without_legs=[k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed],
+        )  # fmt: skip
+        return graph, tuple(_route(graph, chain, seen, key, set(own)) for chain in chains)
 
-    claims = [_way_back(a, b) for a, b in pairwise(own)]
-    compared: dict[tuple[str, str], Comparison] = {}
+    graph, found = routes()
+    for _ in range(_CHECKS):
+        if not found or not panoramas.check(_pairs(found[0], panoramas)):
+            break
+        graph, found = routes()
+    for a, b in _pairs(found[0], panoramas) if found else ():
+        if (a, b) not in panoramas.found:  # what they have in common is known by way of a third
+            panoramas.compare(a, b)
+    best, spare = (found[0], found[1:]) if found else (None, ())
+    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.found)
 
-    def joined(a: str, b: str) -> float:
-        compared[a, b] = common_to(a, b)
-        return trust(a, b, compared[a, b]) if compared[a, b].common else 0.0
 
-    pairs = sorted(combinations(names, 2), key=lambda pair: -alike(looks[pair[0]], looks[pair[1]]))
-    rights = {(a, b): joined(a, b) for a, b in partners(names, pairs) if b not in own}
-    if seen:
-        known_before = index.n_compared
-        left = (pair for pair in pairs if pair not in rights and pair[1] not in own)
-        for a, b in bridges(names, left, rights, set(own), set(seen)):
-            rights[a, b] = joined(a, b)
-            if index.n_compared - known_before >= _BRIDGES:
-                break
-    for (a, b), right in rights.items():
-        found = compared[a, b]
-        apart_m = baseline_m(found, current.rig) or _TYPICAL_BASELINE_M
-        for common in found.common:
-            claim = Claim(a, b, common, max(right * worth(common, apart_m), _LEAST))
-            if key(claim) not in failed:
-                claims.append(claim)
-    chances = {name: sighting.chance for name, sighting in seen.items()}
-    graph = landmark_graph(names, claims, chances)
-    without = [k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed]
-    chains = graph.planner.routes(
-        0, {names.index(name): chance for name, chance in chances.items()}, 1 + spares,
-        without_legs=without,
-    )  # fmt: skip
-    routes = tuple(_route(graph, chain, seen, key, set(own)) for chain in chains)
-    for leg in routes[0].legs if routes else ():
-        a, b = sorted((leg.seen_by, leg.next_by), key=names.index)
-        if (a, b) not in compared:  # what they see in common is known by way of a third
-            compared[a, b] = common_to(a, b)
-    best, spare = (routes[0], routes[1:]) if routes else (None, ())
-    return Plan(best, spare, graph, seen, unreadable, known, looks, compared)
+def _sights(
+    known: Mapping[str, Published],
+    looks: Mapping[str, Look],
+    goal: KnownGoal,
+    doubted: Set[bytes],
+) -> dict[str, GoalSight]:
+    """Which panoramas show the goal."""
+    seen: dict[str, GoalSight] = {}
+    for name, p in known.items():
+        sighting = None if p.digest in doubted else goal.find(looks[name])
+        if sighting and sighting.chance >= _LEAST_SIGHT:
+            seen[name] = sighting
+    surest = max((s.chance for s in seen.values()), default=0.0)
+    return {name: s for name, s in seen.items() if s.chance >= _RIVAL * surest}
+
+
+def _claims(
+    found: Mapping[Pair, Comparison], rights: Mapping[Pair, float], rig: CameraRig
+) -> Iterator[Claim]:
+    """What panoramas have in common, with the chance to get on by each."""
+    for (a, b), comparison in found.items():
+        apart_m = baseline_m(comparison, rig) or _TYPICAL_BASELINE_M
+        for common in comparison.common:
+            yield Claim(a, b, common, max(rights[a, b] * worth(common, apart_m), _LEAST))
+
+
+def _pairs(route: Route, panoramas: Compared) -> list[Pair]:
+    return [panoramas.in_order(leg.seen_by, leg.next_by) for leg in route.legs]
 
 
 def _way_back(a: str, b: str) -> Claim:

@@ -1,0 +1,84 @@
+"""The panoramas of one plan, and what two of them have in common, as far as it was worth asking."""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence, Set
+from itertools import combinations
+
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import Comparison
+from vrchain.landmarks.index import LandmarkIndex
+from vrchain.navigation.eyes import Look
+from vrchain.navigation.pairing import bridges, partners
+from vrchain.navigation.stands import Join, Joins, Pair, relative, stand_of
+from vrchain.navigation.terms import Published
+
+_BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
+_UNSURE = (0.05, 0.95)  # a join of such a chance is checked by further comparisons
+
+
+class Compared:
+    """names: the robot's own panoramas, latest first, then the others, oldest first.
+
+    looks: what each shows; found: what two of them, in that order, have in common.
+    """
+
+    def __init__(
+        self,
+        own: Mapping[str, Look],
+        known: Mapping[str, Published],
+        index: LandmarkIndex[Look],
+        trust: Callable[[Look, Look, Comparison], float],
+        stood: Sequence[Pose],
+    ) -> None:
+        self.names = (*own, *sorted(known, key=lambda name: (known[name].time_ns, name)))
+        self.looks = {**own, **{name: index.look(p.digest) for name, p in known.items()}}
+        self.found: dict[Pair, Comparison] = {}
+        self._own, self._known, self._index, self._trust = own, known, index, trust
+        self._place = {name: k for k, name in enumerate(self.names)}
+        stands = zip(combinations(own, 2), combinations(stood, 2), strict=False)
+        self._joins = {pair: Join(relative(*two), 1.0) for pair, two in stands}
+
+    def in_order(self, a: str, b: str) -> Pair:
+        """The two in the order of ``names``."""
+        return (a, b) if self._place[a] < self._place[b] else (b, a)
+
+    def compare(self, a: str, b: str) -> float:
+        """Compare two, in their order: the chance that they are joined rightly."""
+        digest = self._known[b].digest
+        if a in self._own:
+            found = self._index.compare_with(self.looks[a], digest)
+        else:
+            found = self._index.compare(self._known[a].digest, digest)
+        trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
+        self.found[a, b] = found
+        self._joins[a, b] = Join(stand_of(Pose(0.0, 0.0), found, self.looks[a].rig), trust)
+        return trust
+
+    def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:
+        """Those that are likely to have something in common; more, if that leaves seers cut off."""
+        pairs = list(combinations(self.names, 2))
+        pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
+        others = [pair for pair in partners(self.names, pairs) if pair[1] not in self._own]
+        rights = {pair: self.compare(*pair) for pair in others}
+        if not seers:
+            return
+        before = self._index.n_compared
+        left = (pair for pair in pairs if pair not in rights and pair[1] not in self._own)
+        for pair in bridges(self.names, left, rights, set(self._own), seers):
+            rights[pair] = self.compare(*pair)
+            if self._index.n_compared - before >= _BRIDGES:
+                return
+
+    def trusts(self) -> dict[Pair, float]:
+        """The chance that each two were joined rightly, by what other joins say of it too."""
+        joins = Joins(self._joins)
+        return {pair: joins.trust(pair) for pair in self.found}
+
+    def check(self, pairs: Iterable[Pair]) -> bool:
+        """Compare what tells more of joins that are unsure; False if there is nothing to ask."""
+        joins = Joins(self._joins)
+        unsure = [p for p in pairs if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]]
+        asked = {self.in_order(*other) for pair in unsure for other in joins.unasked(pair)}
+        asked -= set(combinations(self._own, 2))  # odometry tells
+        for pair in sorted(asked):
+            self.compare(*pair)
+        return bool(asked)
