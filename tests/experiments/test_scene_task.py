@@ -5,7 +5,7 @@ import pytest
 from hamlet import GOAL, hamlet, hamlet_truth
 
 from vrchain.errors import MissionError
-from vrchain.experiments.team import GOAL_PICTURES, goal_poses, scene_task
+from vrchain.experiments.task import GOAL_PICTURES, goal_poses, scene_task
 from vrchain.geometry import Pose
 from vrchain.scene.model import Scene
 

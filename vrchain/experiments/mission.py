@@ -9,14 +9,8 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.experiments.team import (
-    Task,
-    assemble,
-    draw_task,
-    drive_to_places,
-    goal_pictures,
-    scene_task,
-)
+from vrchain.experiments.task import Task, draw_task, goal_pictures, scene_task
+from vrchain.experiments.team import assemble, drive_to_places
 from vrchain.geometry import Pose
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.weights import SHIPPED

@@ -24,7 +24,7 @@ from scipy.sparse import csr_array, hstack, vstack
 from scipy.sparse.csgraph import dijkstra
 
 from vrchain.errors import MissionError
-from vrchain.experiments.team import GOAL_PICTURES, goal_ids, goal_poses, robot_names
+from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_poses, robot_names
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import Sights, shared
 from vrchain.navigation.ways import grid_graph

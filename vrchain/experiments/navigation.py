@@ -32,7 +32,8 @@ from vrchain.experiments.missions import PLACE, Ground, Mission
 from vrchain.experiments.oracle import Oracle
 from vrchain.experiments.patrol import Patrol
 from vrchain.experiments.scenes import Scenes
-from vrchain.experiments.team import assemble, goal_pictures
+from vrchain.experiments.task import goal_pictures
+from vrchain.experiments.team import assemble
 from vrchain.experiments.wrong_edges import misled
 from vrchain.files import write_file
 from vrchain.geometry import Pose

@@ -17,7 +17,7 @@ from tqdm.auto import tqdm
 from vrchain.errors import MissionError
 from vrchain.experiments.landmarks import draw_poses
 from vrchain.experiments.scenes import Scenes
-from vrchain.experiments.team import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
+from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.files import write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.gallery import gallery_of, who_sees
