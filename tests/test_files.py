@@ -10,7 +10,7 @@ import pytest
 
 from vrchain import files
 from vrchain.errors import OutputError
-from vrchain.files import check_output_folder, output_folder, write_file
+from vrchain.files import check_output_folder, name_of, output_folder, write_file
 
 MARKER = "result.json"
 
@@ -276,3 +276,9 @@ def test_nothing_of_the_module_is_left_untested() -> None:
         "output_folder",
         "write_file",
     }
+
+
+def test_results_of_the_same_have_one_name() -> None:
+    asked = {"seed": 3, "rows": ["sift", 0.5]}
+    assert name_of(asked) == name_of(dict(reversed(asked.items()))) != name_of({**asked, "seed": 4})
+    assert name_of(asked).isalnum() and len(name_of(asked)) == 12

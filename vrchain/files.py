@@ -1,6 +1,8 @@
 """Writing results so that a reader sees all of them or none."""
 
 import contextlib
+import hashlib
+import json
 import os
 import shutil
 import tempfile
@@ -8,6 +10,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from vrchain.errors import OutputError
+
+
+def name_of(asked: object) -> str:
+    """A short name for results of just this, which is made of plain values."""
+    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def check_output_folder(folder: Path, marker: str) -> None:

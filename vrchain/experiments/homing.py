@@ -18,9 +18,7 @@ Places are uniform in free space, two in each suburb; what is found at one is sa
 that a run broken off goes on with the next.
 """
 
-import hashlib
 import io
-import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -34,7 +32,7 @@ from tqdm.auto import tqdm
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import ratio, resampled
 from vrchain.experiments.scenes import Scenes
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import METHODS, HomeVector, Method, Views, snapshot
 from vrchain.panorama import CameraRig
@@ -210,7 +208,7 @@ def evaluate(
         )
     made_by = {row: repr(methods[row.removesuffix(COMPASS)]) for row in rows}
     asked = [FORMAT, scenes.digest, made_by, seed, asdict(grid), asdict(rig)]
-    own = folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+    own = folder / name_of(asked)
     found: list[pd.DataFrame] = []
     renderers: dict[int, Renderer] = {}  # of the suburb at work
     for place in tqdm(range(n_places), desc="places", unit="", disable=None):

@@ -4,7 +4,6 @@ Pairs of poses in suburb after suburb, about ten in each; each suburb's claims a
 come, so that a run broken off goes on with the next.
 """
 
-import hashlib
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
@@ -20,7 +19,7 @@ from tqdm.auto import tqdm
 from vrchain.errors import MissionError
 from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.scenes import Scenes
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.common import (
     CommonLandmark,
@@ -96,7 +95,7 @@ def _own_folder(
     """Where what was found of just this is kept."""
     made_by = [(v.name, v.maker) for v in variants]
     asked = [FORMAT, scenes.digest, what, made_by, seed, asdict(rig)]
-    return folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+    return folder / name_of(asked)
 
 
 _CLAIM = (

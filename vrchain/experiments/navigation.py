@@ -11,7 +11,6 @@ About ten missions a suburb. Each is saved as it ends, so that a run broken off 
 next. Broadcasting every panorama to everyone would differ from ledger in bytes alone.
 """
 
-import hashlib
 import json
 import tempfile
 from collections import Counter
@@ -35,7 +34,7 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import goal_pictures
 from vrchain.experiments.team import assemble
 from vrchain.experiments.wrong_edges import misled
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.record import maker_of
 from vrchain.landmarks.weights import SHIPPED
@@ -202,7 +201,7 @@ def evaluate(
     rig, config = rig or CameraRig(), config or MissionConfig()
     drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig), to_places]
     driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED, wrong_edges]
-    own = folder / _name(drawn)
+    own = folder / name_of(drawn)
     rows, missions = [], []
     suburb: Suburb | None = None
     for number in tqdm(range(n_missions), desc="missions", unit="", disable=None):
@@ -221,7 +220,7 @@ def evaluate(
         mission = Mission.from_dict(json.loads(file.read_text()))
         missions.append(mission)
         for arm in arms:
-            file = own / _name(driven) / f"mission_{number:04d}_{arm}.json"
+            file = own / name_of(driven) / f"mission_{number:04d}_{arm}.json"
             if not file.exists():
                 found = here().drive(mission, arm, config, weights, patrol_s, wrong_edges)
                 write_file(file, json.dumps(found).encode())
@@ -229,10 +228,6 @@ def evaluate(
             row.pop("log")
             rows.append({"suburb": k if scenes.varied else number, **row})
     return pd.DataFrame(rows), missions
-
-
-def _name(asked: object) -> str:
-    return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
 
 
 def summarise(

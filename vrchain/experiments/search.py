@@ -3,7 +3,6 @@
 Every goal is looked up twice: where some panoramas show it, and, those left out, where none does.
 """
 
-import hashlib
 import json
 from dataclasses import asdict, dataclass
 from functools import partial
@@ -18,7 +17,7 @@ from vrchain.errors import MissionError
 from vrchain.experiments.landmarks import draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.gallery import gallery_of, who_sees
 from vrchain.landmarks.recognition import find_goal, goal_of
@@ -57,7 +56,7 @@ def evaluate(
     if min(config.panoramas, config.goals, n_scenes) < 1:
         raise MissionError(f"expected 1 panorama, goal and scene or more, got {config}")
     asked = [FORMAT, scenes.digest, asdict(config), seed, maker_of()]
-    own = folder / hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+    own = folder / name_of(asked)
     tables = []
     for k in range(n_scenes):
         file = own / f"scene_{k:02d}.json"

@@ -3,9 +3,7 @@
 One file a suburb, written whole; a run that was broken off goes on with the next suburb.
 """
 
-import hashlib
 import io
-import json
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -17,7 +15,7 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from vrchain.errors import LearnedError, SpecError
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.raster import cell_bearings_rad, cell_slopes, picture_of
 from vrchain.panorama import CameraRig
@@ -87,7 +85,7 @@ def config_digest(config: ExampleConfig) -> str:
     """A name for the examples of a configuration; ``suburbs`` only says how many there are."""
     known = {**asdict(config), "format": FORMAT}
     del known["suburbs"]
-    return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()[:12]
+    return name_of(known)
 
 
 def varied_suburb(seed: int, k: int) -> Scene:

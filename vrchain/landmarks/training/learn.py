@@ -6,7 +6,6 @@ now and then: a checkpoint, from which a run that was broken off goes on, and he
 
 import contextlib
 import ctypes
-import hashlib
 import io
 import json
 import math
@@ -23,7 +22,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 from tqdm.auto import tqdm
 
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.landmarks.backbone import load_backbone
 from vrchain.landmarks.network import EMBEDDED, Network
 from vrchain.landmarks.proposer import BEARING_UNIT_RAD
@@ -126,7 +125,7 @@ def _keep_memory() -> None:
 
 def config_name(config: TrainConfig) -> str:
     """A name for a run, so that one run never goes on with another's checkpoint."""
-    return hashlib.sha256(json.dumps(asdict(config), sort_keys=True).encode()).hexdigest()[:12]
+    return name_of(asdict(config))
 
 
 def _begin(config: TrainConfig) -> tuple[Network, torch.optim.AdamW]:
