@@ -273,6 +273,7 @@ def test_nothing_of_the_module_is_left_untested() -> None:
     public = {n for n, f in vars(files).items() if callable(f) and f.__module__ == files.__name__}
     assert {n for n in public if not n.startswith("_")} == {
         "check_output_folder",
+        "name_of",
         "output_folder",
         "write_file",
     }
