@@ -76,7 +76,8 @@ class Compared:
     def check(self, pairs: Iterable[Pair]) -> bool:
         """Compare what tells more of joins that are unsure; False if there is nothing to ask."""
         joins = Joins(self._joins)
-        unsure = [p for p in pairs if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]]
+        own = [self.in_order(a, b) for a, b in pairs]
+        unsure = [p for p in own if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]]
         asked = {self.in_order(*other) for pair in unsure for other in joins.unasked(pair)}
         asked -= set(combinations(self._own, 2))  # odometry tells
         for pair in sorted(asked):

@@ -14,7 +14,6 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.navigation.planner import Planner
 
@@ -219,7 +218,8 @@ def _same(regions: Sequence[Region]) -> NDArray[np.bool_]:
     bearing = np.array([r.bearing_rad or 0.0 for r in regions])
     width = np.array([r.angular_size_rad or 0.0 for r in regions])
     both = width[:, None] + width
-    apart = np.abs(wrap_angle_rad(bearing[:, None] - bearing))
+    apart = np.abs(bearing[:, None] - bearing) % (2 * np.pi)
+    apart = np.minimum(apart, 2 * np.pi - apart)
     common = np.minimum(both / 2 - apart, np.minimum(width[:, None], width))
     same = common >= _SAME_REGION * (both - common)
     same[nowhere] = same[:, nowhere] = False

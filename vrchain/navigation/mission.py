@@ -138,9 +138,9 @@ class _Mission:
                     return
                 continue
             found = self.plan(look)
-            least = self.config.least_score * _PATIENCE**fruitless
+            least = self.config.least_trust * _PATIENCE**fruitless
             least = least if suspect is None else suspect.chance
-            if found.route is not None and found.route.score >= least:
+            if found.route is not None and found.route.trust >= least:
                 fruitless = 0
                 if self.follow(found.route, found, look):
                     return
@@ -191,7 +191,7 @@ class _Mission:
         names = route.robots
         self.log(
             "route", f"{' - '.join(names)} - goal, by {len(route.legs)} common landmarks", number,
-            score=round(route.score, 3),
+            score=round(route.score, 3), trust=round(route.trust, 2),
         )  # fmt: skip
         begin, _, first = next(
             own for k, own in enumerate(self.own) if panorama_name(self.robot, k) == names[0]

@@ -27,7 +27,7 @@ _FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arriv
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
-_LEAST = 1e-300  # a chance is never nothing
+_LEAST = 0.005  # chance to get on by a landmark, below which it is none: there are thousands
 _CHECKS = 4  # times a route is drawn up anew after its joins were checked
 _OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
 
@@ -50,12 +50,17 @@ class Leg:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A chain of legs; from the last landmark on, what ``seen_by`` saw of the goal leads home."""
+    """A chain of legs; from the last landmark on, what ``seen_by`` saw of the goal leads home.
+
+    score: the chance that all its landmarks are right, and got by, one after the other. trust: the
+    chance that it leads to the goal at all: that its panoramas were joined rightly, and show it.
+    """
 
     legs: tuple[Leg, ...]
     seen_by: str
     sighting: GoalSight
     score: float
+    trust: float = 1.0
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -150,14 +155,23 @@ def plan(
 
     graph, found = routes()
     for _ in range(_CHECKS):
-        if not found or not panoramas.check(_pairs(found[0], panoramas)):
+        if not found or not panoramas.check((leg.seen_by, leg.next_by) for leg in found[0].legs):
             break
         graph, found = routes()
-    for a, b in _pairs(found[0], panoramas) if found else ():
-        if (a, b) not in panoramas.found:  # what they have in common is known by way of a third
-            panoramas.compare(a, b)
-    best, spare = (found[0], found[1:]) if found else (None, ())
+    best, spare = (_weighed(found[0], panoramas), found[1:]) if found else (None, ())
     return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.found)
+
+
+def _weighed(route: Route, panoramas: Compared) -> Route:
+    """A route with the trust in it; what was not compared yet of its panoramas is now."""
+    trusts, right = panoramas.trusts(), 1.0
+    for leg in route.legs:
+        pair = panoramas.in_order(leg.seen_by, leg.next_by)
+        if pair in trusts:
+            right *= trusts[pair]
+        else:  # what they see in common is known by way of a third
+            right *= max(panoramas.compare(*pair), leg.landmark.score)
+    return replace(route, trust=route.sighting.chance * right)
 
 
 def _sights(
@@ -183,11 +197,9 @@ def _claims(
     for (a, b), comparison in found.items():
         apart_m = baseline_m(comparison, rig) or _TYPICAL_BASELINE_M
         for common in comparison.common:
-            yield Claim(a, b, common, max(rights[a, b] * worth(common, apart_m), _LEAST))
-
-
-def _pairs(route: Route, panoramas: Compared) -> list[Pair]:
-    return [panoramas.in_order(leg.seen_by, leg.next_by) for leg in route.legs]
+            chance = rights[a, b] * worth(common, apart_m)
+            if chance >= _LEAST:
+                yield Claim(a, b, common, chance)
 
 
 def _way_back(a: str, b: str) -> Claim:
