@@ -13,6 +13,8 @@ from vrchain.cli.notebooks import NotebookError, execute
 from vrchain.experiments.results import Results
 from vrchain.paths import NOTEBOOKS
 
+pytestmark = pytest.mark.xdist_group("smoke")  # one process makes what they all read
+
 NAMES = [
     "01_scene",
     "02_panoramas",
@@ -22,6 +24,7 @@ NAMES = [
     "06_reproduction",
     "07_bring_your_own_world",
 ]
+A_MISSION = "05_mission"  # takes minutes; `make reproduce` executes it too
 LONGEST_FUNCTION = 6  # lines; what is longer belongs into the library
 
 
@@ -74,7 +77,9 @@ def test_a_long_function_would_be_noticed() -> None:
     assert functions(tree) == [("f", 7)]
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=pytest.mark.slow if n == A_MISSION else ()) for n in NAMES]
+)
 def test_a_notebook_runs_and_shows_pictures(name: str, tmp_path: Path) -> None:
     executed = execute(NOTEBOOKS / f"{name}.ipynb", tmp_path, smoke_results())
     notebook = nbformat.read(executed, as_version=4)
