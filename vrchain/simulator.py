@@ -76,17 +76,21 @@ class Simulator:
         self.clock_ns = 0
         self._bodies: dict[str, _Body] = {}
         for name, pose in poses.items():
-            scene.check_pose(pose)
-            for other, body in self._bodies.items():
-                if pose.distance_to_m(body.pose.xy_m) <= 2 * ROBOT_RADIUS_M:
-                    raise PoseError(
-                        f"robots {other!r} and {name!r} start in one place: "
-                        f"keep them more than {2 * ROBOT_RADIUS_M:g} m apart"
-                    )
-            drift = generator(seed, "odometry", name)
-            scale, veer = drift.normal(0.0, [self.noise.scale, self.noise.veer_rad_m])
-            path = [(pose.x_m, pose.y_m)]
-            self._bodies[name] = _Body(pose, Pose(0.0, 0.0), drift, 1 + scale, veer, path)
+            self.put(name, pose)
+
+    def put(self, name: str, pose: Pose) -> None:
+        """Put one more robot into the scene; PoseError if it cannot stand there."""
+        self.scene.check_pose(pose)
+        for other, body in self._bodies.items():
+            if pose.distance_to_m(body.pose.xy_m) <= 2 * ROBOT_RADIUS_M:
+                raise PoseError(
+                    f"robots {other!r} and {name!r} start in one place: "
+                    f"keep them more than {2 * ROBOT_RADIUS_M:g} m apart"
+                )
+        drift = generator(self.seed, "odometry", name)
+        scale, veer = drift.normal(0.0, [self.noise.scale, self.noise.veer_rad_m])
+        path = [(pose.x_m, pose.y_m)]
+        self._bodies[name] = _Body(pose, Pose(0.0, 0.0), drift, 1 + scale, veer, path)
 
     @cached_property
     def truth(self) -> GroundTruth:

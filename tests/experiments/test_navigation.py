@@ -74,7 +74,7 @@ def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> di
         "arrived": success if arrived is None else arrived, "success": success, "reason": "",
         "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
         "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
-        "seconds_simulated": 200.0, "wall_s": 30.0,
+        "barred": 3, "seconds_simulated": 200.0, "wall_s": 30.0,
     }  # fmt: skip
 
 
@@ -96,7 +96,8 @@ def test_the_figures_of_made_up_missions() -> None:
     assert low <= ledger["success"] <= high
     assert ledger["chain_lengths"] == {"0": 2, "1": 2, "2": 2}
     assert ledger["rejected_draws"] == {"way too long": 12}
-    assert (ledger["replans"], ledger["legs"], ledger["seconds_simulated"]) == (1, 2, 200)
+    assert (ledger["replans"], ledger["legs"], ledger["barred"]) == (1, 2, 3)
+    assert ledger["seconds_simulated"] == 200
     assert json.loads(json.dumps(found)) == found
     assert "0.75 [" in as_table(found).success_given_chain["ledger"]
 

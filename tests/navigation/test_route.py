@@ -209,7 +209,8 @@ def test_a_landmark_that_three_see_leads_from_each_to_each() -> None:
     found = planned(edges, {"R3": 40}, 3)
     assert found.route.robots == ("R1", "R3")
     leg = found.route.legs[0]
-    assert leg.landmark.score == pytest.approx(0.72)
+    assert leg.landmark.score == leg.chance == pytest.approx(0.72)
+    assert found.route.trust == pytest.approx(0.72 * support_score(40))  # nothing joins R1 and R3
     assert (leg.landmark.a, leg.landmark.b) == (by_r1.a, by_r3.b)
     assert leg.landmark.support_a is by_r1.support_a
     assert leg.landmark.support_b is by_r3.support_b
@@ -461,3 +462,16 @@ def test_a_join_that_others_deny_is_not_driven_by() -> None:
 
     assert planned(0.5).route.robots[-1] == "R3"
     assert planned(1.0).route.robots[-1] == "R2"  # the surer sight of the goal
+
+
+def test_panoramas_of_another_rig_are_none_of_the_teams() -> None:
+    other = Shown(40, CameraRig(width_px=320))
+
+    class Mixed(StubIndex):
+        def look(self, digest: bytes) -> Shown:
+            return other if digest == b"R2" else super().look(digest)
+
+    published = {"R2": Published(b"R2"), "R3": Published(b"R3")}
+    index = Mixed({("R1", "R2"): [landmark(0.9)], ("R1", "R3"): [landmark(0.5)]}, {"R3": 40})
+    found = plan("R1", NOTHING, published, index, GOAL)
+    assert found.unreadable == ("R2",) and found.route.robots == ("R1", "R3")

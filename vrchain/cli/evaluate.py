@@ -228,6 +228,9 @@ def navigation(
     wrong_edges: Annotated[
         float, typer.Option(metavar="P", help="Share of the landmark graph's edges to make wrong.")
     ] = 0.0,
+    barred: Annotated[
+        float, typer.Option(metavar="P", help="Share of legs with an obstacle nobody knows of.")
+    ] = 0.0,
     seed: Annotated[
         int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
@@ -247,7 +250,7 @@ def navigation(
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
         folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
-        patrol_s=patrol, wrong_edges=wrong_edges,
+        patrol_s=patrol, wrong_edges=wrong_edges, barred=barred,
     )  # fmt: skip
     summary = experiment.summarise(*found)
     if as_json:

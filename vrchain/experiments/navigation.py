@@ -25,6 +25,7 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.barred import Barred
 from vrchain.experiments.intervals import by_suburb, ratio, resampled
 from vrchain.experiments.mission import index_of, is_at, published_of
 from vrchain.experiments.missions import PLACE, Ground, Mission
@@ -50,7 +51,7 @@ from vrchain.render import Renderer
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
-FORMAT = 2
+FORMAT = 3
 ARMS = ("ledger", "alone", "oracle")
 MISSIONS_A_SUBURB = 10
 PATROL_S = 300.0  # for which the others have been under way as a mission starts
@@ -75,6 +76,7 @@ class Suburb:
         weights: Path = SHIPPED,
         patrol_s: float = PATROL_S,
         wrong_edges: float = 0.0,
+        barred: float = 0.0,
         tell: Callable[[Decision], None] = lambda decision: None,
     ) -> dict[str, object]:
         """Drive a mission by one arm: a row of ``evaluate``'s table, and its log."""
@@ -122,12 +124,19 @@ class Suburb:
                     taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
                 return known()
 
+            bars = Barred(simulator, robot, barred, number)
+
+            def told(decision: Decision) -> None:
+                tell(decision)
+                bars.tell(decision)
+
             started_ns = simulator.clock_ns
-            result = run_mission(robot, robots[robot], published, index, goal, eyes, config, tell)
+            result = run_mission(robot, robots[robot], published, index, goal, eyes, config, told)
             n_published = len(known())
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds)
-        return {**row, "published": n_published, "wall_s": perf_counter() - start}
+        wall_s = perf_counter() - start
+        return {**row, "published": n_published, "barred": bars.rows, "wall_s": wall_s}
 
     def _goal(self, mission: Mission, weights: Path) -> GoalPictures:
         pictures = goal_pictures(
@@ -185,14 +194,16 @@ def evaluate(
     to_places: bool = False,
     patrol_s: float = PATROL_S,
     wrong_edges: float = 0.0,
+    barred: float = 0.0,
 ) -> tuple[pd.DataFrame, list[Mission]]:
     """One row a mission and arm, and the missions as they were drawn, to objects or to places.
 
     What was found already under ``folder`` is read from there.
     """
     unknown = [arm for arm in arms if arm not in ARMS]
-    if not 0 <= wrong_edges <= 1:
-        raise MissionError(f"expected a share of wrong edges from 0 to 1, got {wrong_edges}")
+    for what, share in (("wrong edges", wrong_edges), ("barred legs", barred)):
+        if not 0 <= share <= 1:
+            raise MissionError(f"expected a share of {what} from 0 to 1, got {share}")
     if n_missions < 1 or unknown:
         raise MissionError(
             f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
@@ -200,7 +211,7 @@ def evaluate(
         )
     rig, config = rig or CameraRig(), config or MissionConfig()
     drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig), to_places]
-    driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED, wrong_edges]
+    driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED, wrong_edges, barred]
     own = folder / name_of(drawn)
     rows, missions = [], []
     suburb: Suburb | None = None
@@ -222,7 +233,7 @@ def evaluate(
         for arm in arms:
             file = own / name_of(driven) / f"mission_{number:04d}_{arm}.json"
             if not file.exists():
-                found = here().drive(mission, arm, config, weights, patrol_s, wrong_edges)
+                found = here().drive(mission, arm, config, weights, patrol_s, wrong_edges, barred)
                 write_file(file, json.dumps(found).encode())
             row = json.loads(file.read_text())
             row.pop("log")
@@ -237,9 +248,9 @@ def summarise(
 
     success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
     spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
-    counts, replans, legs and
-    seconds_simulated means. Of ledger, times_alone: its successes over those of alone. Also how
-    many missions need how many landmarks, and how many draws were rejected for what.
+    counts; replans, legs, barred legs and seconds_simulated are means. Of ledger, times_alone: its
+    successes over those of alone. Also how many missions need how many landmarks, and how many
+    draws were rejected for what.
     """
     suburbs = np.sort(table.suburb.unique())
     again = resampled(len(suburbs), seed, "navigation")
@@ -290,7 +301,7 @@ def _summary(
         )
     found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
     found["collisions"] = int(own.collisions.sum())
-    for name in ("replans", "legs", "seconds_simulated", "wall_s"):
+    for name in ("replans", "legs", "barred", "seconds_simulated", "wall_s"):
         found[name] = float(own[name].mean())
     return found
 
@@ -308,7 +319,7 @@ def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     names = (
         "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
         "success_given_chain", "times_alone", "spl", "spl_chain",
-        "false_arrivals", "collisions", "replans", "legs", "seconds_simulated", "wall_s",
+        "false_arrivals", "collisions", "replans", "legs", "barred", "seconds_simulated", "wall_s",
     )  # fmt: skip
     rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}
     return pd.DataFrame(rows).T.rename_axis("arm")

@@ -76,7 +76,8 @@ def extract(panorama: Panorama) -> Features:
 def extract_near(panorama: Panorama, bearing_rad: float, half_rad: float) -> Features:
     """Those at most so far beside a bearing, found on that part of the cylinder alone.
 
-    But for a few of the largest, which reach beyond it, they are those of ``extract``.
+    But for a few of the largest, which reach beyond it, and some across the seam, where pixels are
+    halved otherwise, they are those of ``extract``.
     """
     rig, columns = panorama.rig, panorama.cylinder.shape[1]
     wide = int(np.ceil(2 * half_rad * rig.px_per_rad)) + _SEAM_PX

@@ -34,8 +34,8 @@ class Compared:
         self.found: dict[Pair, Comparison] = {}
         self._own, self._known, self._index, self._trust = own, known, index, trust
         self._place = {name: k for k, name in enumerate(self.names)}
-        stands = zip(combinations(own, 2), combinations(stood, 2), strict=False)
-        self._joins = {pair: Join(relative(*two), 1.0) for pair, two in stands}
+        stands = combinations(zip(own, stood, strict=False), 2)
+        self._joins = {(a, b): Join(relative(p, q), 1.0) for (a, p), (b, q) in stands}
 
     def in_order(self, a: str, b: str) -> Pair:
         """The two in the order of ``names``."""

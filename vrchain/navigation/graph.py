@@ -1,6 +1,7 @@
 """The landmark graph: robots, landmarks, and who sees which with what score.
 
-A claim says that a region of one robot's newest panorama and one of another's show the same thing.
+A claim says that a region of one panorama and one of another show the same thing. A robot stands
+for its newest panorama; earlier ones, R2~1, R2~2, are taken for robots that stood where it was.
 A landmark is a connected component of claims. No landmark is twice in one panorama: a component
 that holds two regions of one is split at its weakest claim until none does.
 """
@@ -22,7 +23,7 @@ _SAME_REGION = 0.5  # of what both cover together, in common: a lamp before a ho
 
 @dataclass(frozen=True, eq=False)
 class Claim:
-    """``landmark`` is common to the newest panoramas of robots a and b; score: in (0, 1]."""
+    """``landmark`` is common to the panoramas of a and b; score: in (0, 1]."""
 
     a: str
     b: str
@@ -127,7 +128,7 @@ class LandmarkGraph:
 def landmark_graph(
     robots: Sequence[str], claims: Sequence[Claim], goal: Mapping[str, float] | None = None
 ) -> LandmarkGraph:
-    """The graph of what the robots' newest panoramas have in common.
+    """The graph of what panoramas have in common; each is named like a robot.
 
     goal: the robots that see it, each with the chance that what it sees is the goal.
     """
@@ -207,7 +208,7 @@ def _numbered(seen: Sequence[tuple[str, Region]]) -> tuple[list[int], list[str]]
             if left[i]:
                 members = np.flatnonzero(left & same[i])
                 founder[np.array(own)[members]] = k
-                left[members] = left[i] = False
+                left[members] = False
     founders, number = np.unique(founder, return_inverse=True)
     return number.tolist(), [seen[k][0] for k in founders]
 

@@ -256,6 +256,8 @@ class _Mission:
         again = self.plan(look)
         if again.route is None or again.route.score <= _BETTER * route.score:
             return None
+        if again.route.trust < min(route.trust, self.config.least_trust):
+            return None
         return Onward(again.route, again, look)
 
     def home(self, place: Place, route: Route) -> bool:

@@ -16,7 +16,7 @@ def partners(
     names: Sequence[str], most_alike_first: Sequence[tuple[str, str]]
 ) -> list[tuple[str, str]]:
     """Those that are compared anyway: all of few; of many, what robots saw in succession, and
-    panoramas of different robots that look alike. names: the oldest first.
+    panoramas of different robots that look alike. names: of each robot the next ones together.
     """
     if len(names) <= _FEW:
         return list(combinations(names, 2))
@@ -57,13 +57,16 @@ def bridges(
         part = {name: k for k, together in hanging for name in together}
         return part, {part[name] for name in own}, {part[name] for name in seers}
 
+    waiting, tried = list(left), 0
     part, here, there = parts()
-    for a, b in left:
-        if here & there:
-            return
+    while not here & there and tried < len(waiting):
+        a, b = waiting[tried]
         ends = {part[a], part[b]}
-        if len(ends) == 2 and ends & (here | there):
-            yield a, b
-            if rights[a, b] >= _JOINED:
-                graph.add_edge(a, b)
-                part, here, there = parts()
+        if len(ends) == 1 or not ends & (here | there):
+            tried += 1
+            continue
+        yield waiting.pop(tried)
+        if rights[a, b] >= _JOINED:
+            graph.add_edge(a, b)
+            part, here, there = parts()
+            tried = 0  # what touched neither may do so now

@@ -38,7 +38,7 @@ LandmarkKey = tuple[bytes, bytes, int]
 class Leg:
     """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
 
-    node: the landmark's name in ``LandmarkGraph.networkx``.
+    node: the landmark's name in ``LandmarkGraph.networkx``. chance: that it leads on.
     """
 
     seen_by: str
@@ -46,6 +46,7 @@ class Leg:
     landmark: CommonLandmark
     key: LandmarkKey  # names the landmark among those that failed
     node: str
+    chance: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,7 +128,9 @@ def plan(
     odometry leads back; a route may begin there. stood: where it stood for each look, the current
     one first. spares: how many more routes.
     """
-    unreadable = tuple(n for n in sorted(published) if not _readable(index, published[n].digest))
+    unreadable = tuple(
+        n for n in sorted(published) if not _readable(index, published[n].digest, current.rig)
+    )
     known = {name: p for name, p in published.items() if name not in unreadable}
     own = {panorama_name(robot, k): look for k, look in enumerate((current, *before))}
     panoramas = Compared(own, known, index, trust, stood)
@@ -138,10 +141,13 @@ def plan(
     def key(claim: Claim) -> LandmarkKey:
         # seen from b, whose panorama stands still while the driving robot's changes
         bearing = claim.landmark.b.bearing_rad or 0.0
-        return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5)
+        return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5) % 72
 
     def routes() -> tuple[LandmarkGraph, tuple[Route, ...]]:
-        rights = {(a, b): t * lasting(known[b]) for (a, b), t in panoramas.trusts().items()}
+        rights = {
+            pair: trust * min(lasting(known[name]) for name in pair if name in known)
+            for pair, trust in panoramas.trusts().items()
+        }
         claims = [_way_back(a, b) for a, b in pairwise(own)]
         claims += [c for c in _claims(panoramas.found, rights, current.rig) if key(c) not in failed]
         chances = {name: sighting.chance for name, sighting in seen.items()}
@@ -164,13 +170,13 @@ def plan(
 
 def _weighed(route: Route, panoramas: Compared) -> Route:
     """A route with the trust in it; what was not compared yet of its panoramas is now."""
+    pairs = [panoramas.in_order(leg.seen_by, leg.next_by) for leg in route.legs]
+    for pair in pairs:
+        if pair not in panoramas.found:
+            panoramas.compare(*pair)
     trusts, right = panoramas.trusts(), 1.0
-    for leg in route.legs:
-        pair = panoramas.in_order(leg.seen_by, leg.next_by)
-        if pair in trusts:
-            right *= trusts[pair]
-        else:  # what they see in common is known by way of a third
-            right *= max(panoramas.compare(*pair), leg.landmark.score)
+    for leg, pair in zip(route.legs, pairs, strict=True):
+        right *= max(trusts[pair], leg.chance)  # it may be known by way of a third alone
     return replace(route, trust=route.sighting.chance * right)
 
 
@@ -209,13 +215,12 @@ def _way_back(a: str, b: str) -> Claim:
     return Claim(a, b, CommonLandmark(_OWN_WAY, nowhere, replace(nowhere), none, none), _OWN_WAY)
 
 
-def _readable(index: LandmarkIndex[Look], digest: bytes) -> bool:
-    """Whether the panorama is there and is one: what others publish may be anything."""
+def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:
+    """Whether the panorama is there and is one like the robot's own: it may be anything."""
     try:
-        index.look(digest)
+        return index.look(digest).rig == rig
     except VRChainError:
         return False
-    return True
 
 
 def worth(claim: CommonLandmark, baseline_m: float) -> float:
@@ -257,4 +262,4 @@ def _leg(a: str, b: str, claim: Claim, key: LandmarkKey, node: str) -> Leg:
             landmark.support_a,
             ranges,
         )
-    return Leg(a, b, landmark, key, node)
+    return Leg(a, b, landmark, key, node, claim.score)

@@ -1,7 +1,7 @@
 """Where panoramas were taken as seen from others, and whether three of them agree on that.
 
 It is no chance if two rightly joined panoramas tell the same of a third; and if one of them does
-not know a third that, by the other, is near, the other is wrong.
+not know a third that, by the other's join with it, is near, that join is probably wrong.
 """
 
 from collections.abc import Iterator, Mapping
@@ -20,9 +20,9 @@ _SURE = 0.8  # trust from which a join bears witness
 _TOLD = 0.1  # trust from which it is compared with what a witness says
 _NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the other's place
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
-# Times as likely right if two witnesses agree; with each of two that do not, if none does. By all
-# pairs of two patrols of seed 1003: of those between 0.2 and 0.5, 0.85 (n 13) and 0.11 (35) are
-# right, of those between 0.5 and 0.8, 0.93 (44) and 0.33 (6); where one agrees, hardly any.
+# The odds times so much if two witnesses agree; with each of two that do not, if none does. By all
+# pairs of two patrols of seed 1003: of those of a chance between 0.2 and 0.5 (right: 0.34), 0.82
+# (n 11) and 0.11 (35) are right then, of those between 0.5 and 0.8 (0.84), 0.93 (40) and 0.33 (6).
 _FOR, _AGAINST, _HEARD = 9.0, 0.4, 2
 
 
@@ -54,7 +54,10 @@ class Joins:
         join = self._joins[pair]
         if not 0 < join.trust < 1:
             return join.trust
-        agreed = [self._agrees(*told) for told in self._witnesses(pair)]
+        said: dict[str, bool | None] = {}
+        for third, other, told in self._witnesses(pair):
+            said[third] = said.get(third) or self._agrees(third, other, told)
+        agreed = list(said.values())
         odds = join.trust / (1 - join.trust)
         if agreed.count(True) >= _HEARD:
             odds *= _FOR
@@ -64,11 +67,11 @@ class Joins:
 
     def unasked(self, pair: Pair) -> list[Pair]:
         """What might yet be compared to know more of two that were joined, the nearest first."""
-        told = list(self._witnesses(pair))
-        left = [(here, there, way) for here, there, way in told if not self._known(here, there)]
+        told = {third: (other, way) for third, other, way in self._witnesses(pair)}
+        left = [(third, *what) for third, what in told.items() if not self._known(third, what[0])]
         wanted = max(0, _HEARD - (len(told) - len(left)))
-        left.sort(key=lambda w: (float(np.hypot(*w[2].xy_m)), w[:2]))
-        return [(here, there) for here, there, _ in left[:wanted]]
+        left.sort(key=lambda w: (float(np.hypot(*w[2].xy_m)), w[0]))
+        return [(third, other) for third, other, _ in left[:wanted]]
 
     def _witnesses(self, pair: Pair) -> Iterator[tuple[str, str, Pose]]:
         """Others that know one of the two; the other; where it is for them if the two are right."""
