@@ -43,10 +43,10 @@ lint: setup
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist loadgroup
+	$(BIN)/pytest -m "not slow" -n $(WORKERS)
 
 test-all: lint
-	$(BIN)/pytest -n $(WORKERS) --dist loadgroup --hypothesis-profile=full
+	$(BIN)/pytest -n $(WORKERS) --hypothesis-profile=full
 
 lab: setup
 	$(BIN)/jupyter lab notebooks

@@ -18,8 +18,6 @@ from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts
 
-pytestmark = pytest.mark.xdist_group("smoke")  # one process makes what they all read
-
 EXPECTED = [
     "barn_map",
     "common_landmarks",

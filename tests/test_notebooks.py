@@ -13,8 +13,6 @@ from vrchain.cli.notebooks import NotebookError, execute
 from vrchain.experiments.results import Results
 from vrchain.paths import NOTEBOOKS
 
-pytestmark = pytest.mark.xdist_group("smoke")  # one process makes what they all read
-
 NAMES = [
     "01_scene",
     "02_panoramas",

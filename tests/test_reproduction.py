@@ -30,8 +30,6 @@ from vrchain.landmarks.common import common_landmarks
 from vrchain.ledger import Ledger, verify
 from vrchain.panorama import Panorama
 
-pytestmark = pytest.mark.xdist_group("smoke")  # one process makes what they all read
-
 
 @pytest.fixture(scope="module")
 def results() -> Results:

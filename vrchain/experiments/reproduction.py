@@ -32,6 +32,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
 from vrchain.landmarks.sift import extract
 from vrchain.ledger import Ledger
+from vrchain.navigation.terms import MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.render import Renderer
 from vrchain.scene import load_spec
@@ -131,10 +132,13 @@ def run_mission(
     did.
     """
     profile, runs = results.profile, []
+    config = MissionConfig(limit_s=profile.mission_s)
     for seed in range(profile.seed, profile.seed + profile.missions):
         own = folder / f"seed_{seed}"
         own.mkdir()
-        run = mission.run(suburb(), own / "ledger", seed=seed, rig=profile.mission_rig)
+        run = mission.run(
+            suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config
+        )
         mission.save_log(run, own)
         draw(run, own)
         runs.append(run)

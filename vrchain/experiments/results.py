@@ -40,6 +40,7 @@ class Profile:
     seed: int = 10_000
     positions: tuple[int, ...] = (40, 200, 500)
     missions: int = 1
+    mission_s: float = 600.0  # simulated, for one at most
     pairs_a_band: int = 10  # random pairs of places
     bands_m: tuple[tuple[float, float], ...] = ((1.0, 10.0), (10.0, 20.0), (20.0, 40.0))
     survey_pairs: int = 12  # at most, of R1's and R2's panoramas, for each number of positions
@@ -69,6 +70,7 @@ PROFILES = {
             _TINY,
             3_000,
             (4, 8, 12),
+            mission_s=60.0,
             pairs_a_band=2,
             bands_m=((1.0, 10.0),),
             survey_pairs=2,
