@@ -24,6 +24,7 @@ _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, met
 # pairs of two patrols of seed 1003: of those of a chance between 0.2 and 0.5 (right: 0.34), 0.82
 # (n 11) and 0.11 (35) are right then, of those between 0.5 and 0.8 (0.84), 0.93 (40) and 0.33 (6).
 _FOR, _AGAINST, _HEARD = 9.0, 0.4, 2
+_ORIGIN = Pose(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -42,9 +43,11 @@ class Joins:
     """Joins of panoramas, and what they say of each other."""
 
     def __init__(self, joins: Mapping[Pair, Join]) -> None:
-        self._joins = dict(joins)
+        self._joins: dict[Pair, Join] = {}  # either way round
         self._sure: dict[str, list[str]] = {}
         for (a, b), join in joins.items():
+            back = None if join.stand is None else relative(join.stand, _ORIGIN)
+            self._joins |= {(a, b): join, (b, a): Join(back, join.trust)}
             if join.trust >= _SURE and join.stand is not None:
                 self._sure.setdefault(a, []).append(b)
                 self._sure.setdefault(b, []).append(a)
@@ -68,7 +71,9 @@ class Joins:
     def unasked(self, pair: Pair) -> list[Pair]:
         """What might yet be compared to know more of two that were joined, the nearest first."""
         told = {third: (other, way) for third, other, way in self._witnesses(pair)}
-        left = [(third, *what) for third, what in told.items() if not self._known(third, what[0])]
+        left = [
+            (third, *what) for third, what in told.items() if (third, what[0]) not in self._joins
+        ]
         wanted = max(0, _HEARD - (len(told) - len(left)))
         left.sort(key=lambda w: (float(np.hypot(*w[2].xy_m)), w[0]))
         return [(third, other) for third, other, _ in left[:wanted]]
@@ -76,52 +81,29 @@ class Joins:
     def _witnesses(self, pair: Pair) -> Iterator[tuple[str, str, Pose]]:
         """Others that know one of the two; the other; where it is for them if the two are right."""
         for here, there in (pair, pair[::-1]):
-            stand = self._stand(here, there)
+            stand = self._joins[here, there].stand
             if stand is None:
                 continue
+            way_m, course_rad = float(np.hypot(*stand.xy_m)), _ORIGIN.bearing_to_rad(stand.xy_m)
             for third in self._sure.get(here, []):
-                back = self._stand(third, here)
+                back = self._joins[third, here].stand
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
                     continue
-                told = _after(back, stand)
+                told = beyond(back, course_rad, way_m, stand.yaw_rad)
                 if np.hypot(*told.xy_m) <= _NEAR_M:
                     yield third, there, told
 
     def _agrees(self, here: str, there: str, told: Pose) -> bool | None:
         """Whether a join tells what it should; None: they were not compared."""
-        if not self._known(here, there):
+        join = self._joins.get((here, there))
+        if join is None:
             return None
-        stand = self._stand(here, there)
-        if stand is None or self._of(here, there).trust < _TOLD:
+        stand = join.stand
+        if stand is None or join.trust < _TOLD:
             return False
         way_m = max(float(np.hypot(*stand.xy_m)), float(np.hypot(*told.xy_m)))
         turned = abs(float(wrap_angle_rad(stand.yaw_rad - told.yaw_rad)))
         return stand.distance_to_m(told.xy_m) <= _OFF_M + _OFF * way_m and turned <= _OFF_RAD
-
-    def _known(self, a: str, b: str) -> bool:
-        return (a, b) in self._joins or (b, a) in self._joins
-
-    def _of(self, a: str, b: str) -> Join:
-        return self._joins[(a, b) if (a, b) in self._joins else (b, a)]
-
-    def _stand(self, a: str, b: str) -> Pose | None:
-        stand = self._of(a, b).stand
-        return stand if stand is None or (a, b) in self._joins else _back(stand)
-
-
-def _after(first: Pose, second: Pose) -> Pose:
-    """A pose given in the frame of another, in that one's frame."""
-    c, s = np.cos(first.yaw_rad), np.sin(first.yaw_rad)
-    return Pose(
-        float(first.x_m + c * second.x_m - s * second.y_m),
-        float(first.y_m + s * second.x_m + c * second.y_m),
-        float(wrap_angle_rad(first.yaw_rad + second.yaw_rad)),
-    )
-
-
-def _back(pose: Pose) -> Pose:
-    """The frame's origin as seen from a pose in it."""
-    return relative(pose, Pose(0.0, 0.0))
 
 
 def relative(a: Pose, b: Pose) -> Pose:
