@@ -68,14 +68,13 @@ class Compared:
             if self._index.n_compared - before >= _BRIDGES:
                 return
 
-    def trusts(self) -> dict[Pair, float]:
-        """The chance that each two were joined rightly, by what other joins say of it too."""
-        joins = Joins(self._joins)
-        return {pair: joins.trust(pair) for pair in self.found}
+    def joins(self) -> Joins:
+        """How panoramas were joined, by all comparisons so far and by odometry."""
+        return Joins(self._joins)
 
     def check(self, pairs: Iterable[Pair]) -> bool:
         """Compare what tells more of joins that are unsure; False if there is nothing to ask."""
-        joins = Joins(self._joins)
+        joins = self.joins()
         own = [self.in_order(a, b) for a, b in pairs]
         unsure = [p for p in own if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]]
         asked = {self.in_order(*other) for pair in unsure for other in joins.unasked(pair)}

@@ -144,9 +144,10 @@ def plan(
         return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5) % 72
 
     def routes() -> tuple[LandmarkGraph, tuple[Route, ...]]:
+        joins = panoramas.joins()
         rights = {
-            pair: trust * min(lasting(known[name]) for name in pair if name in known)
-            for pair, trust in panoramas.trusts().items()
+            pair: joins.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
+            for pair in panoramas.found
         }
         claims = [_way_back(a, b) for a, b in pairwise(own)]
         claims += [c for c in _claims(panoramas.found, rights, current.rig) if key(c) not in failed]
@@ -174,9 +175,9 @@ def _weighed(route: Route, panoramas: Compared) -> Route:
     for pair in pairs:
         if pair not in panoramas.found:
             panoramas.compare(*pair)
-    trusts, right = panoramas.trusts(), 1.0
+    joins, right = panoramas.joins(), 1.0
     for leg, pair in zip(route.legs, pairs, strict=True):
-        right *= max(trusts[pair], leg.chance)  # it may be known by way of a third alone
+        right *= max(joins.trust(pair), leg.chance)  # it may be known by way of a third alone
     return replace(route, trust=route.sighting.chance * right)
 
 
