@@ -43,10 +43,10 @@ lint: setup
 	$(BIN)/mypy
 
 test: lint
-	$(BIN)/pytest -m "not slow" -n $(WORKERS)
+	$(BIN)/pytest -m "not slow" -n $(WORKERS) --dist worksteal
 
 test-all: lint
-	$(BIN)/pytest -n $(WORKERS) --hypothesis-profile=full
+	$(BIN)/pytest -n $(WORKERS) --dist worksteal --hypothesis-profile=full
 
 lab: setup
 	$(BIN)/jupyter lab notebooks

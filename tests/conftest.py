@@ -1,12 +1,35 @@
 """What every test shares."""
 
+import fcntl
 import os
 
+import pytest
 from hypothesis import settings
 
 # Draw without a display; has to be set before pyrender is first imported.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
+from vrchain.experiments.reproduction import reproduce
+from vrchain.experiments.results import PROFILES, Results
+
 settings.register_profile("quick", max_examples=50, derandomize=True, deadline=None)
 settings.register_profile("full", max_examples=1000, deadline=None)
 settings.load_profile("quick")  # `make test-all` asks for "full"
+
+SAID = "said.txt"  # what the reproduction told, a line each
+
+
+@pytest.fixture(scope="session")
+def smoke_results(tmp_path_factory: pytest.TempPathFactory, worker_id: str) -> Results:
+    """The measuring stages of the profile smoke, made once by the first process that needs them."""
+    mine = tmp_path_factory.getbasetemp()
+    build = (mine if worker_id == "master" else mine.parent) / "smoke"
+    build.mkdir(exist_ok=True)
+    results = Results(PROFILES["smoke"], build)
+    with (build / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not (build / SAID).exists():
+            said: list[str] = []
+            reproduce(results, tell=said.append)
+            (build / SAID).write_text("\n".join(said), encoding="utf-8")
+    return results

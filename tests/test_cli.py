@@ -1,5 +1,6 @@
 """The command line as a user calls it: what it prints, how it fails, and what it leaves behind."""
 
+import contextlib
 import hashlib
 import json
 import os
@@ -8,7 +9,8 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Iterator
+import warnings
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import cv2
@@ -16,11 +18,13 @@ import numpy as np
 import pytest
 from worlds import ROOT
 
+from vrchain.cli import main
 from vrchain.paths import SCENES
 from vrchain.scene import load_scene
 
 SUBURB = SCENES / "suburb.yaml"
 BARN = SCENES / "barn.yaml"  # built in a fifth of the time
+CROSSING = SCENES / "crossing" / "crossing.world"  # in less
 COMMAND = [sys.executable, "-c", "from vrchain.cli import main; main()"]
 ENVIRONMENT = {**os.environ, "PYTHONPATH": str(ROOT), "PYOPENGL_PLATFORM": "egl"}
 
@@ -39,19 +43,48 @@ def call(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedPro
 
 def answer(*arguments: object) -> dict:
     """The one JSON object that a command prints."""
-    done = call(*arguments, "--json")
+    return json.loads(good(call(*arguments, "--json")).stdout)
+
+
+def good(done: subprocess.CompletedProcess[str]) -> subprocess.CompletedProcess[str]:
     assert done.returncode == 0, done.stderr
-    return json.loads(done.stdout)
+    return done
 
 
-def refused(*arguments: object, cwd: Path | None = None) -> str:
+Here = Callable[..., subprocess.CompletedProcess[str]]
+Refused = Callable[..., str]
+
+
+@pytest.fixture
+def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Iterator[Here]:
+    """As ``call``, in this process: starting one takes seconds."""
+
+    def call_here(*arguments: object, cwd: Path | None = None) -> subprocess.CompletedProcess[str]:
+        monkeypatch.setattr(sys, "argv", ["vrchain", *map(str, arguments)])
+        with contextlib.chdir(cwd or Path.cwd()), pytest.raises(SystemExit) as ended:
+            main()
+        status = ended.value.code or 0
+        assert isinstance(status, int)
+        return subprocess.CompletedProcess(sys.argv, status, *capfd.readouterr())
+
+    monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # main sets it
+    interrupt = signal.getsignal(signal.SIGINT)  # and this
+    yield call_here
+    signal.signal(signal.SIGINT, interrupt)
+
+
+@pytest.fixture
+def refused(here: Here) -> Refused:
     """The one line by which a command refuses."""
-    done = call(*arguments, cwd=cwd)
-    assert done.returncode not in (0, None)
-    assert done.stdout == ""
-    assert done.stderr.startswith("vrchain: ") and done.stderr.count("\n") == 1, done.stderr
-    assert "Traceback" not in done.stderr
-    return done.stderr
+
+    def call_here(*arguments: object, cwd: Path | None = None) -> str:
+        done = here(*arguments, cwd=cwd)
+        assert done.returncode != 0
+        assert done.stdout == ""
+        assert done.stderr.startswith("vrchain: ") and done.stderr.count("\n") == 1, done.stderr
+        return done.stderr
+
+    return call_here
 
 
 def everything(folder: Path) -> dict[str, str]:
@@ -76,7 +109,7 @@ def image(tmp_path: Path) -> Path:
 # Bad input: one line, and nothing written.
 
 
-def test_an_unknown_scene_key(tmp_path: Path) -> None:
+def test_an_unknown_scene_key(tmp_path: Path, refused: Refused) -> None:
     spec = tmp_path / "scene.yaml"
     spec.write_text(SUBURB.read_text() + "\nrivers:\n  count: 2\n")
     said = refused("panorama", spec, "--at", 10, 0, 0, "-o", tmp_path / "out")
@@ -86,7 +119,7 @@ def test_an_unknown_scene_key(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == [spec]
 
 
-def test_a_pose_inside_something_or_off_the_map(tmp_path: Path) -> None:
+def test_a_pose_inside_something_or_off_the_map(tmp_path: Path, refused: Refused) -> None:
     table = load_scene(BARN).table
     barn = table[table.kind == "barn"].iloc[0]
     at = (f"{barn.centre_x_m:.2f}", f"{barn.centre_y_m:.2f}", 0)
@@ -97,13 +130,13 @@ def test_a_pose_inside_something_or_off_the_map(tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_scene_file_that_is_missing(tmp_path: Path) -> None:
+def test_a_scene_file_that_is_missing(tmp_path: Path, refused: Refused) -> None:
     said = refused("scene", "info", tmp_path / "none.yaml")
     assert "none.yaml" in said
 
 
 @pytest.mark.parametrize("kind", ["missing", "text", "empty", "blank", "folder"])
-def test_an_image_that_is_none(kind: str, image: Path, tmp_path: Path) -> None:
+def test_an_image_that_is_none(kind: str, image: Path, tmp_path: Path, refused: Refused) -> None:
     bad = tmp_path / "given" / "bad.png"
     if kind == "text":
         bad.write_text("not a picture")
@@ -120,7 +153,7 @@ def test_an_image_that_is_none(kind: str, image: Path, tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.iterdir()] == ["given"]
 
 
-def test_a_folder_that_is_no_ledger(tmp_path: Path) -> None:
+def test_a_folder_that_is_no_ledger(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "folder").mkdir()
     (tmp_path / "folder" / "letter.txt").write_text("dear")
     before = everything(tmp_path)
@@ -135,7 +168,7 @@ def test_a_folder_that_is_no_ledger(tmp_path: Path) -> None:
     assert everything(tmp_path) == before
 
 
-def test_a_folder_of_something_else_is_not_written_over(tmp_path: Path) -> None:
+def test_a_folder_of_something_else_is_not_written_over(tmp_path: Path, refused: Refused) -> None:
     (tmp_path / "letters").mkdir()
     (tmp_path / "letters" / "letter.txt").write_text("dear")
     for arguments in (("panorama", BARN, "--at", 10, 0, 0), ("navigate", BARN)):
@@ -143,12 +176,12 @@ def test_a_folder_of_something_else_is_not_written_over(tmp_path: Path) -> None:
     assert [path.name for path in tmp_path.rglob("*")] == ["letters", "letter.txt"]
 
 
-def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path) -> None:
+def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused) -> None:
     out = tmp_path / "out"
     assert "'castle'" in refused("navigate", BARN, "--goal", "castle", "-o", out)
     assert "expected one of R1, R2, R3" in refused("navigate", BARN, "--robot", "R7", "-o", out)
     assert "of its own" in refused("navigate", BARN, "--robots", 2, "-o", out)
-    assert "2 to 20 robots" in refused("navigate", SUBURB, "--robots", 1, "-o", out)
+    assert "2 to 20 robots" in refused("navigate", CROSSING, "--robots", 1, "-o", out)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -173,7 +206,9 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path) -> None:
         (("bench", "codec", SUBURB, "--pairs", "0"), "1 pair"),
     ],
 )
-def test_wrong_use(arguments: tuple[object, ...], word: str, tmp_path: Path) -> None:
+def test_wrong_use(
+    arguments: tuple[object, ...], word: str, tmp_path: Path, refused: Refused
+) -> None:
     assert word in refused(*arguments, cwd=tmp_path)
     assert list(tmp_path.iterdir()) == []
 
@@ -192,17 +227,17 @@ def full_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", str(disk)], check=True)
 
 
-def test_a_disk_without_room(full_disk: Path, image: Path) -> None:
+def test_a_disk_without_room(full_disk: Path, image: Path, refused: Refused) -> None:
     for arguments in (
-        ("panorama", BARN, "--at", 10, 0, 0, "-o", full_disk / "out"),
+        ("panorama", CROSSING, "--at", 10, 0, 0, "-o", full_disk / "out"),
         ("landmarks", image, image, "-o", full_disk / "out.png"),
         ("navigate", BARN, "-o", full_disk / "out"),
-        ("scene", "map", BARN, "-o", full_disk / "map.png"),
-        ("scene", "export", BARN, "-o", full_disk / "scene.glb"),
+        ("scene", "map", CROSSING, "-o", full_disk / "map.png"),
+        ("scene", "export", CROSSING, "-o", full_disk / "scene.glb"),
     ):
         assert "make room" in refused(*arguments)
         assert list(full_disk.rglob("*")) == []
-    done = call("figures", "scene_map", "-o", full_disk)
+    done = call("figures", "barn_map", "-o", full_disk)
     assert done.returncode == 1 and "make room" in done.stdout
     assert list(full_disk.rglob("*")) == []
 
@@ -243,16 +278,15 @@ def test_ctrl_c_in_the_middle_leaves_nothing(arguments: tuple[object, ...], tmp_
 
 def test_a_panorama_is_the_same_in_two_processes(tmp_path: Path) -> None:
     for name in ("first", "second"):
-        done = call("panorama", SUBURB, "--at", 10, 0, 0, "-o", tmp_path / name)
-        assert done.returncode == 0, done.stderr
+        good(call("panorama", CROSSING, "--at", 10, 0, 0, "-o", tmp_path / name))
     first, second = everything(tmp_path / "first"), everything(tmp_path / "second")
     assert first == second
     assert len(first) == 10  # eight views, the cylinder, the rig
 
 
 def test_scene_info(tmp_path: Path) -> None:
-    found = answer("scene", "info", SUBURB)
-    table = load_scene(SUBURB).table
+    found = answer("scene", "info", CROSSING)
+    table = load_scene(CROSSING).table
     assert len(found["objects"]) == len(table)
     for row, (_, expected) in zip(found["objects"], table.iterrows(), strict=True):
         assert {"name", "kind", "landmark", "centre_m", "size_m"} <= set(row)
@@ -261,9 +295,8 @@ def test_scene_info(tmp_path: Path) -> None:
         assert row["landmark"] is bool(expected.landmark)
 
 
-def test_scene_map(tmp_path: Path) -> None:
-    done = call("scene", "map", SUBURB, "-o", tmp_path / "map.png")
-    assert done.returncode == 0, done.stderr
+def test_scene_map(here: Here, tmp_path: Path) -> None:
+    good(here("scene", "map", CROSSING, "-o", tmp_path / "map.png"))
     assert cv2.imread(str(tmp_path / "map.png")).shape[0] > 500
 
 
@@ -283,11 +316,11 @@ def test_landmarks_of_two_pictures(image: Path, tmp_path: Path) -> None:
     assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
 
 
-def test_landmarks_of_two_panoramas(tmp_path: Path) -> None:
+def test_landmarks_of_two_panoramas(here: Here, tmp_path: Path) -> None:
     for name, x_m in (("a", 0), ("b", 3)):
-        done = call("panorama", BARN, "--at", x_m, -12, 0, "-o", tmp_path / name)
-        assert done.returncode == 0, done.stderr
-    found = answer("landmarks", tmp_path / "a", tmp_path / "b")["common_landmarks"]
+        good(here("panorama", BARN, "--at", x_m, -12, 0, "-o", tmp_path / name))
+    done = good(here("landmarks", tmp_path / "a", tmp_path / "b", "--json"))
+    found = json.loads(done.stdout)["common_landmarks"]
     scores = [claim["score"] for claim in found]
     assert scores and scores == sorted(scores, reverse=True)
     regions = [claim[side] for claim in found for side in ("a", "b")]
@@ -296,10 +329,9 @@ def test_landmarks_of_two_panoramas(tmp_path: Path) -> None:
 
 
 def test_ledger_verify(tmp_path: Path) -> None:
-    done = call("ledger", "init", tmp_path / "L", "--member", "R1", "--keys", tmp_path / "keys")
-    assert done.returncode == 0, done.stderr
-    good = {"ok": True, "blocks": 1, "first_bad_block": None, "reason": ""}
-    assert answer("ledger", "verify", tmp_path / "L") == good
+    good(call("ledger", "init", tmp_path / "L", "--member", "R1", "--keys", tmp_path / "keys"))
+    expected = {"ok": True, "blocks": 1, "first_bad_block": None, "reason": ""}
+    assert answer("ledger", "verify", tmp_path / "L") == expected
 
 
 def test_help_says_what_there_is() -> None:

@@ -9,7 +9,6 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from matplotlib.figure import Figure
-from smoke import smoke_results
 from worlds import ROOT
 
 from vrchain.errors import OutputError
@@ -51,8 +50,8 @@ QUICKLY_DRAWN = [
 
 
 @pytest.fixture(scope="module")
-def results() -> Results:
-    return smoke_results()
+def results(smoke_results: Results) -> Results:
+    return smoke_results
 
 
 def test_there_is_a_script_for_each_figure() -> None:
@@ -73,9 +72,14 @@ def test_a_figure_is_drawn_with_its_pdf_and_its_table(
     assert len(table) > 0
 
 
-def test_the_same_results_give_the_same_bytes(results: Results, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "names", [["ledger", "table"], pytest.param(QUICKLY_DRAWN, marks=pytest.mark.slow)]
+)
+def test_the_same_results_give_the_same_bytes(
+    names: list[str], results: Results, tmp_path: Path
+) -> None:
     """Drawn here, and by the scripts themselves in a process of their own."""
-    run_scripts(results, tmp_path / "here", QUICKLY_DRAWN)
+    run_scripts(results, tmp_path / "here", names)
     environment = {
         **os.environ,
         "PYTHONPATH": str(ROOT),
@@ -83,7 +87,7 @@ def test_the_same_results_give_the_same_bytes(results: Results, tmp_path: Path) 
         "VRCHAIN_BUILD": str(results.build),
     }
     (tmp_path / "alone").mkdir()
-    for name in QUICKLY_DRAWN:
+    for name in names:
         script = shutil.copy(FIGURES / f"{name}.py", tmp_path / "alone")
         done = subprocess.run(
             [sys.executable, script], env=environment, capture_output=True, text=True, check=False

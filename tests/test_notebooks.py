@@ -6,7 +6,6 @@ from pathlib import Path
 import nbformat
 import pytest
 from pages import fetched
-from smoke import smoke_results
 
 from vrchain.cli import notebooks
 from vrchain.cli.notebooks import NotebookError, execute
@@ -22,7 +21,7 @@ NAMES = [
     "06_reproduction",
     "07_bring_your_own_world",
 ]
-A_MISSION = "05_mission"  # takes minutes; `make reproduce` executes it too
+QUICKEST = "06_reproduction"  # `make reproduce` executes them all, and so does `make test-all`
 LONGEST_FUNCTION = 6  # lines; what is longer belongs into the library
 
 
@@ -76,10 +75,12 @@ def test_a_long_function_would_be_noticed() -> None:
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=pytest.mark.slow if n == A_MISSION else ()) for n in NAMES]
+    "name", [pytest.param(n, marks=() if n == QUICKEST else pytest.mark.slow) for n in NAMES]
 )
-def test_a_notebook_runs_and_shows_pictures(name: str, tmp_path: Path) -> None:
-    executed = execute(NOTEBOOKS / f"{name}.ipynb", tmp_path, smoke_results())
+def test_a_notebook_runs_and_shows_pictures(
+    name: str, smoke_results: Results, tmp_path: Path
+) -> None:
+    executed = execute(NOTEBOOKS / f"{name}.ipynb", tmp_path, smoke_results)
     notebook = nbformat.read(executed, as_version=4)
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in shown)
@@ -96,14 +97,14 @@ def small_notebook(path: Path, source: str) -> Path:
 
 
 def test_a_cell_that_fails_is_told_in_one_line(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    smoke_results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = tmp_path / "notebooks"
     source.mkdir()
     small_notebook(source / "bad.ipynb", "1 / 0")
     monkeypatch.setattr(notebooks, "NOTEBOOKS", source)
     (tmp_path / "out").mkdir()
-    results = Results(smoke_results().profile, tmp_path)
+    results = Results(smoke_results.profile, tmp_path)
     with pytest.raises(NotebookError, match=r"^bad.ipynb could not be executed: ZeroDivisionError"):
         notebooks.run_notebooks(results, tmp_path / "out")
     small_notebook(source / "bad.ipynb", "import os; print(os.environ['VRCHAIN_PROFILE'])")

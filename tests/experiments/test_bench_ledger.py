@@ -73,17 +73,24 @@ def test_fewer_positions_than_robots(tmp_path: Path, monkeypatch: pytest.MonkeyP
     assert rows[rows.name == "latest(robot), inline"].median_us.item() > 0
 
 
-def test_the_limits_add_up_to_the_references(measured: bench.Bench) -> None:
+def test_an_update_takes_at_least_the_sum_of_its_limits() -> None:
+    """Turn by turn: one signature by the robot and one by the operator, the rest once."""
+    turns_us = np.array([1.0, 7.0, 2.0])
+    times_us = {name: turns_us * 10**n for n, name in enumerate(bench._LIMITS)}
+    assert np.array_equal(sum(bench._limits(times_us).values()), turns_us * 11_121)
+    del times_us["commit"], times_us["file"]
+    assert np.array_equal(sum(bench._limits(times_us).values()), turns_us * 121)
+
+
+def test_no_limit_is_above_the_reference_that_it_is_part_of(measured: bench.Bench) -> None:
     rows = measured.rows.set_index(["positions", "name"])
-    at = {
+    limits_us = {
         name: rows.loc[(15, f"limit: {name}, 20 KB")].median_us for name in bench._LIMITS.values()
     }
-    sign_us = 2 * at["signature"]
-    whole_us = at["SHA-256"] + sign_us + at["verification"] + at["SQLite commit"] + at["file"]
-    # medians of sums and sums of medians differ a little
-    assert rows.loc[(15, "update durable, 20 KB")].reference_us == pytest.approx(whole_us, rel=0.5)
     stage = rows.loc[(15, "update durable, 20 KB: sign")]
-    assert stage.reference_us == pytest.approx(sign_us)
+    assert stage.reference_us == pytest.approx(2 * limits_us["signature"])
+    whole_us = rows.loc[(15, "update durable, 20 KB")].reference_us
+    assert max(stage.reference_us, *limits_us.values()) <= whole_us
 
 
 def test_the_stages_are_parts_of_an_update(measured: bench.Bench) -> None:
@@ -92,8 +99,7 @@ def test_the_stages_are_parts_of_an_update(measured: bench.Bench) -> None:
     for way, size, count in (("in memory", 20, 15), ("durable", 20, 15), ("durable", 1, 60)):
         whole = rows[(count, f"update {way}, {size} KB")]
         stages = rows[[key for key in rows.index if key[1].startswith(f"update {way}, {size} KB:")]]
-        assert (stages <= whole).all()
-        assert stages.sum() == pytest.approx(whole, rel=0.5)
+        assert len(stages) >= 5 and (stages <= whole).all()
 
 
 def test_sizes_are_those_of_the_layouts(measured: bench.Bench) -> None:
