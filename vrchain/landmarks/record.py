@@ -69,8 +69,11 @@ def examine(
     """
     config = config or RecordConfig()
     proposals, local = propose(panorama, load_network(weights))
-    found = extract(panorama) if features is None else features
-    kept = _kept(found, proposals, panorama.rig, config)
+
+    def keep(found: Features) -> NDArray[np.int64]:
+        return _kept(found, proposals, panorama.rig, config)
+
+    kept = extract(panorama, keep) if features is None else features.take(keep(features))
     spots = spots_of(proposals, panorama.rig, descriptors_of(proposals, local))
     return LandmarkRecord(panorama.rig, maker_of(weights, config), proposals, kept, spots)
 
@@ -90,7 +93,10 @@ def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> N
     return np.where(inside, grid[place], -1)
 
 
-def _kept(found: Features, proposals: Proposals, rig: CameraRig, config: RecordConfig) -> Features:
+def _kept(
+    found: Features, proposals: Proposals, rig: CameraRig, config: RecordConfig
+) -> NDArray[np.int64]:
+    """Which keypoints a record keeps."""
     owner = owners(rig, proposals, found)
     largest_first = np.argsort(-found.size_rad, kind="stable")
     rank = np.empty(len(found), dtype=np.int64)
@@ -98,7 +104,7 @@ def _kept(found: Features, proposals: Proposals, rig: CameraRig, config: RecordC
     outside = largest_first[owner[largest_first] < 0][: int(config.keypoints * config.outside)]
     own = np.flatnonzero((owner >= 0) & (rank < config.each))
     within = own[np.argsort(rank[own], kind="stable")][: config.keypoints - len(outside)]
-    return found.take(np.sort(np.concatenate([within, outside])))
+    return np.sort(np.concatenate([within, outside]))
 
 
 def encode_record(record: LandmarkRecord) -> bytes:

@@ -95,31 +95,33 @@ def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eye
     decoded = lru_cache(maxsize=1)(Panorama.decode)  # the goal is sought in parts of it
 
     def look(seen: Observation) -> Look:
-        assert seen.panorama is not None
-        if not last or last[0][0] is not seen.panorama:
-            features = extract(seen.panorama)
-            record = examine(seen.panorama, weights, features=features)
-            made = Look(record.rig, record.proposals, lambda: features, record.spots, record)
-            last[:] = [(seen.panorama, in_robots_frame(made, seen))]
+        panorama = seen.panorama
+        assert panorama is not None
+        if not last or last[0][0] is not panorama:
+            made = look_at(examine(panorama, weights), lambda: panorama)
+            last[:] = [(panorama, in_robots_frame(made, seen))]
         return last[0][1]
 
     def stored(panorama: bytes, landmarks: bytes | None) -> Look:
-        record = record_from(panorama, landmarks, weights)
-
-        return Look(
-            record.rig,
-            record.proposals,
-            lambda: extract(decoded(panorama)),
-            record.spots,
-            record,
-            lambda bearing_rad, half_rad: extract_near(decoded(panorama), bearing_rad, half_rad),
-        )
+        return look_at(record_from(panorama, landmarks, weights), lambda: decoded(panorama))
 
     def compare(a: Look, b: Look) -> Comparison:
         assert a.record is not None and b.record is not None, "only whole panoramas are compared"
         return compare_joint(a.record, b.record, config, calibration)
 
     return Eyes(look, stored, compare, calibration, trusted)
+
+
+def look_at(record: LandmarkRecord, panorama: Callable[[], Panorama]) -> Look:
+    """A look at a panorama whose record is known; keypoints are extracted when asked for."""
+    return Look(
+        record.rig,
+        record.proposals,
+        lambda: extract(panorama()),
+        record.spots,
+        record,
+        lambda bearing_rad, half_rad: extract_near(panorama(), bearing_rad, half_rad),
+    )
 
 
 def trusted(a: Look, b: Look, found: Comparison) -> float:
@@ -133,12 +135,16 @@ def in_robots_frame(look: Look, seen: Observation) -> Look:
     if seen.view_rad is None:
         return look
     turn = seen.view_rad
-    p, f, spots = look.proposals, look.features, look.spots
+    p, spots = look.proposals, look.spots
     box = p.box + np.array([turn, turn, 0.0, 0.0])
     proposals = replace(p, box=box, bearing_rad=wrap_angle_rad(p.bearing_rad + turn))
-    features = replace(f, bearing_rad=wrap_angle_rad(f.bearing_rad + turn))
     spots = replace(spots, bearing_rad=wrap_angle_rad(spots.bearing_rad + turn))
-    return Look(look.rig, proposals, lambda: features, spots)
+
+    def features() -> Features:
+        f = look.features
+        return replace(f, bearing_rad=wrap_angle_rad(f.bearing_rad + turn))
+
+    return Look(look.rig, proposals, features, spots)
 
 
 def surface_m(look: Look, index: int) -> float:
