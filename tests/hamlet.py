@@ -40,6 +40,11 @@ def hamlet() -> Scene:
     return worlds.world(*made, extent_m=(48.0, 48.0))
 
 
+def the_hamlet(seed: int, k: int) -> Scene:
+    """As one of many scenes, for processes of their own."""
+    return hamlet()
+
+
 @cache
 def hamlet_truth() -> GroundTruth:
     return GroundTruth(hamlet())

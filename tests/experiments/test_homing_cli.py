@@ -35,12 +35,15 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
 def test_json_is_one_object_of_figures_and_intervals(
     asked: list[dict], capsys: pytest.CaptureFixture[str], tmp_path: Path
 ) -> None:
-    run("evaluate", "homing", SUBURB, "--json", "-o", tmp_path, "--method", "scale, compass")
+    given = ("--method", "scale, compass", "--jobs", 2)
+    run("evaluate", "homing", SUBURB, "--json", "-o", tmp_path, *given)
     found = json.loads(capsys.readouterr().out)
     assert list(found) == ["scale, compass"]
     assert {*FIGURES, *(f"{name}_ci" for name in FIGURES)} <= set(found["scale, compass"])
     assert found["scale, compass"]["return_ratio"] == 1.0
-    assert asked == [{"n_places": 2, "rows": ["scale, compass"], "seed": 3000, "folder": tmp_path}]
+    assert asked == [
+        {"n_places": 2, "rows": ["scale, compass"], "seed": 3000, "folder": tmp_path, "jobs": 2}
+    ]
 
 
 def test_text_has_a_row_a_method(asked: list[dict], capsys: pytest.CaptureFixture[str]) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 import pytest
-from hamlet import hamlet
+from hamlet import the_hamlet
 from sights import RIG
 
 from vrchain.errors import MissionError
@@ -17,7 +17,7 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
 from vrchain.navigation.terms import MissionConfig
 
-HAMLET = Scenes(lambda seed, k: hamlet(), "hamlet", varied=False)
+HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
 SHORT = MissionConfig(limit_s=150.0)
 
 
@@ -26,10 +26,11 @@ def _short_ways(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(missions, "WAY_M", (12.0, 60.0))
 
 
-def oracle(folder: Path, n: int = 2) -> tuple[pd.DataFrame, list[Mission]]:
+def oracle(folder: Path, jobs: int = 1) -> tuple[pd.DataFrame, list[Mission]]:
     return evaluate(
-        HAMLET, n, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT, patrol_s=20.0
-    )
+        HAMLET, 2, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT, patrol_s=20.0,
+        jobs=jobs,
+    )  # fmt: skip
 
 
 def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
@@ -48,6 +49,18 @@ def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
     assert same == drawn
     stored = [json.loads(f.read_text()) for f in sorted(tmp_path.rglob("*_oracle.json"))]
     assert all(s["log"][-1]["what"] == "arrived" for s in stored)
+
+
+@pytest.mark.slow
+def test_two_processes_at_once_find_the_same(tmp_path: Path) -> None:
+    table, drawn = oracle(tmp_path / "one")
+    for file in (tmp_path / "one").glob("*/mission_*.json"):  # drawn by shorter ways, see above
+        copy = tmp_path / "two" / file.relative_to(tmp_path / "one")
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(file.read_bytes())
+    again, same = oracle(tmp_path / "two", jobs=2)
+    pd.testing.assert_frame_equal(table.drop(columns="wall_s"), again.drop(columns="wall_s"))
+    assert same == drawn
 
 
 def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:

@@ -24,6 +24,10 @@ Seed = Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")]
 AllowTrainingSeeds = Annotated[
     bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
 ]
+Jobs = Annotated[
+    int | None,
+    typer.Option(min=1, help="Processes at once; as many as there are cores, at most 4."),
+]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
 ]
@@ -162,6 +166,7 @@ def homing(
         int, typer.Option(help="Of suburbs, places and headings; 2,000 or more.")
     ] = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
+    jobs: Jobs = None,
     output: Output = None,
     as_json: AsJson = False,
 ) -> None:
@@ -177,7 +182,7 @@ def homing(
     _check_seed(seed, allow_training_seeds)
     found = experiment.evaluate(
         scenes_of(spec), places, method or experiment.ROWS, seed=seed,
-        folder=output or BUILD / "evaluate" / "homing",
+        folder=output or BUILD / "evaluate" / "homing", jobs=jobs,
     )  # fmt: skip
     summary = experiment.summarise(found)
     if as_json:
@@ -235,6 +240,7 @@ def navigation(
         int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
+    jobs: Jobs = None,
     output: Output = None,
     as_json: AsJson = False,
 ) -> None:
@@ -250,7 +256,7 @@ def navigation(
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
         folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
-        patrol_s=patrol, wrong_edges=wrong_edges, barred=barred,
+        patrol_s=patrol, wrong_edges=wrong_edges, barred=barred, jobs=jobs,
     )  # fmt: skip
     summary = experiment.summarise(*found)
     if as_json:

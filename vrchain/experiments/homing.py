@@ -21,17 +21,18 @@ that a run broken off goes on with the next.
 import io
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import lru_cache, partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
-from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import ratio, resampled
 from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.workers import each
 from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import METHODS, HomeVector, Method, Views, snapshot
@@ -189,13 +190,14 @@ def evaluate(
     grid: Grid | None = None,
     rig: CameraRig | None = None,
     methods: Mapping[str, Method] = METHODS,
+    jobs: int | None = 1,
 ) -> pd.DataFrame:
     """Home vectors around ``n_places`` random places, one row a point and method.
 
     Columns: suburb, place, x_m, y_m (the point, from home), clear (the straight way home is free),
     method, answered, course_rad (of the home vector, in the world; NaN: no answer), error_deg,
     std_rad, arrived, remoteness, n_matches, home (whether it leads there from the point). What was
-    found already under ``folder`` is read.
+    found already under ``folder`` is read. jobs: see ``workers.each``.
     """
     grid, rig = grid or Grid(), rig or RIG
     if n_places < 1:
@@ -209,23 +211,49 @@ def evaluate(
     made_by = {row: repr(methods[row.removesuffix(COMPASS)]) for row in rows}
     asked = [FORMAT, scenes.digest, made_by, seed, asdict(grid), asdict(rig)]
     own = folder / name_of(asked)
+    work = partial(_home_to, scenes, rows, seed, own, grid, rig, methods)
+    each(work, range(n_places), jobs, "places")
+    _drawn_suburb.cache_clear()
     found: list[pd.DataFrame] = []
-    renderers: dict[int, Renderer] = {}  # of the suburb at work
-    for place in tqdm(range(n_places), desc="places", unit="", disable=None):
-        k, number = divmod(place, PLACES_A_SUBURB)
-        file = own / f"place_{place:04d}.json"
-        if not file.exists():
-            if k not in renderers:
-                renderers = {k: Renderer(scenes.scene(seed, k))}
-            home = draw_place(renderers[k].scene, generator(seed, "home", k, number))
-            draws = generator(seed, "homing", k, number)
-            made = answers(renderers[k], home, draws, rows, grid=grid, rig=rig, methods=methods)
-            write_file(file, made.to_json(double_precision=15).encode())
-        table = pd.read_json(io.BytesIO(file.read_bytes()), precise_float=True)
-        table.insert(0, "suburb", k if scenes.varied else place)
+    for place in range(n_places):
+        content = _file_of(own, place).read_bytes()
+        table = pd.read_json(io.BytesIO(content), precise_float=True)
+        table.insert(0, "suburb", place // PLACES_A_SUBURB if scenes.varied else place)
         table.insert(1, "place", place)
         found.append(table)
     return pd.concat(found, ignore_index=True)
+
+
+def _home_to(
+    scenes: Scenes,
+    rows: Sequence[str],
+    seed: int,
+    own: Path,
+    grid: Grid,
+    rig: CameraRig,
+    methods: Mapping[str, Method],
+    place: int,
+) -> None:
+    """Home vectors around one place, if they are not known already."""
+    k, number = divmod(place, PLACES_A_SUBURB)
+    file = _file_of(own, place)
+    if file.exists():
+        return
+    renderer = _drawn_suburb(scenes, seed, k)
+    home = draw_place(renderer.scene, generator(seed, "home", k, number))
+    draws = generator(seed, "homing", k, number)
+    made = answers(renderer, home, draws, rows, grid=grid, rig=rig, methods=methods)
+    write_file(file, made.to_json(double_precision=15).encode())
+
+
+def _file_of(own: Path, place: int) -> Path:
+    return own / f"place_{place:04d}.json"
+
+
+@lru_cache(maxsize=1)
+def _drawn_suburb(scenes: Scenes, seed: int, k: int) -> Renderer:
+    """The one at work."""
+    return Renderer(scenes.scene(seed, k))
 
 
 def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:

@@ -15,14 +15,15 @@ import json
 import tempfile
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
+from functools import lru_cache
+from itertools import product
 from pathlib import Path
 from time import perf_counter
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.barred import Barred
@@ -34,6 +35,7 @@ from vrchain.experiments.patrol import Patrol
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import goal_pictures
 from vrchain.experiments.team import assemble
+from vrchain.experiments.workers import each
 from vrchain.experiments.wrong_edges import misled
 from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
@@ -195,10 +197,11 @@ def evaluate(
     patrol_s: float = PATROL_S,
     wrong_edges: float = 0.0,
     barred: float = 0.0,
+    jobs: int | None = 1,
 ) -> tuple[pd.DataFrame, list[Mission]]:
     """One row a mission and arm, and the missions as they were drawn, to objects or to places.
 
-    What was found already under ``folder`` is read from there.
+    What was found already under ``folder`` is read from there. jobs: see ``workers.each``.
     """
     unknown = [arm for arm in arms if arm not in ARMS]
     for what, share in (("wrong edges", wrong_edges), ("barred legs", barred)):
@@ -209,36 +212,81 @@ def evaluate(
             f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
             f"{', '.join(arms)}"
         )
-    rig, config = rig or CameraRig(), config or MissionConfig()
-    drawn = [FORMAT, scenes.digest, n_robots, seed, asdict(rig), to_places]
-    driven = [*drawn, asdict(config), maker_of(weights), patrol_s, REMEMBERED, wrong_edges, barred]
-    own = folder / name_of(drawn)
-    rows, missions = [], []
-    suburb: Suburb | None = None
-    for number in tqdm(range(n_missions), desc="missions", unit="", disable=None):
-        k = number // MISSIONS_A_SUBURB
+    asked = _Evaluation(
+        scenes, n_robots, tuple(arms), seed, folder, rig or CameraRig(), config or MissionConfig(),
+        weights, to_places, patrol_s, wrong_edges, barred,
+    )  # fmt: skip
+    each(asked.drive, range(n_missions), jobs, "missions")
+    _suburb.cache_clear()
+    rows = []
+    for number, arm in product(range(n_missions), arms):
+        row = json.loads(asked.row_file(number, arm).read_text())
+        row.pop("log")
+        rows.append({"suburb": asked.k(number) if scenes.varied else number, **row})
+    return pd.DataFrame(rows), [asked.mission(number) for number in range(n_missions)]
 
-        def here(k: int = k) -> Suburb:
-            nonlocal suburb
-            if suburb is None or suburb.k != k:
-                suburb = Suburb(scenes, seed, k, rig)
-            return suburb
 
-        file = own / f"mission_{number:04d}.json"
-        if not file.exists():
-            mission = here().ground.draw(seed, k, number, n_robots, to_places)
-            write_file(file, json.dumps(mission.as_dict()).encode())
-        mission = Mission.from_dict(json.loads(file.read_text()))
-        missions.append(mission)
-        for arm in arms:
-            file = own / name_of(driven) / f"mission_{number:04d}_{arm}.json"
-            if not file.exists():
-                found = here().drive(mission, arm, config, weights, patrol_s, wrong_edges, barred)
-                write_file(file, json.dumps(found).encode())
-            row = json.loads(file.read_text())
-            row.pop("log")
-            rows.append({"suburb": k if scenes.varied else number, **row})
-    return pd.DataFrame(rows), missions
+@dataclass(frozen=True, eq=False)
+class _Evaluation:
+    """What is asked of every mission, and where it and what came of it are kept."""
+
+    scenes: Scenes
+    n_robots: int
+    arms: tuple[str, ...]
+    seed: int
+    folder: Path
+    rig: CameraRig
+    config: MissionConfig
+    weights: Path
+    to_places: bool
+    patrol_s: float
+    wrong_edges: float
+    barred: float
+
+    def k(self, number: int) -> int:
+        """The suburb of a mission."""
+        return number // MISSIONS_A_SUBURB
+
+    def mission_file(self, number: int) -> Path:
+        return self.folder / name_of(self._drawn) / f"mission_{number:04d}.json"
+
+    def row_file(self, number: int, arm: str) -> Path:
+        driven = [
+            *self._drawn, asdict(self.config), maker_of(self.weights), self.patrol_s, REMEMBERED,
+            self.wrong_edges, self.barred,
+        ]  # fmt: skip
+        file = self.mission_file(number)
+        return file.parent / name_of(driven) / f"{file.stem}_{arm}.json"
+
+    def mission(self, number: int) -> Mission:
+        """A mission that was drawn."""
+        return Mission.from_dict(json.loads(self.mission_file(number).read_text()))
+
+    def drive(self, number: int) -> None:
+        """Draw a mission and drive it by each arm, as far as that was not done before."""
+        k = self.k(number)
+        if not self.mission_file(number).exists():
+            ground = _suburb(self.scenes, self.seed, k, self.rig).ground
+            drawn = ground.draw(self.seed, k, number, self.n_robots, self.to_places)
+            write_file(self.mission_file(number), json.dumps(drawn.as_dict()).encode())
+        for arm in self.arms:
+            if not self.row_file(number, arm).exists():
+                row = _suburb(self.scenes, self.seed, k, self.rig).drive(
+                    self.mission(number), arm, self.config, self.weights, self.patrol_s,
+                    self.wrong_edges, self.barred,
+                )  # fmt: skip
+                write_file(self.row_file(number, arm), json.dumps(row).encode())
+
+    @property
+    def _drawn(self) -> list[object]:
+        what = [FORMAT, self.scenes.digest, self.n_robots, self.seed, asdict(self.rig)]
+        return [*what, self.to_places]
+
+
+@lru_cache(maxsize=1)
+def _suburb(scenes: Scenes, seed: int, k: int, rig: CameraRig) -> Suburb:
+    """The one at work."""
+    return Suburb(scenes, seed, k, rig)
 
 
 def summarise(

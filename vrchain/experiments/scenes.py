@@ -3,8 +3,8 @@
 import hashlib
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
-from functools import cache
+from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache, partial
 from pathlib import Path
 
 from vrchain.scene import Scene, build_scene, load_scene, load_spec
@@ -17,7 +17,7 @@ from vrchain.seeding import generator
 class Scenes:
     """scene: scene k of a seed. digest: what they are made of. varied: whether they differ."""
 
-    scene: Callable[[int, int], Scene]
+    scene: Callable[[int, int], Scene] = field(compare=False)
     digest: str
     varied: bool = True
 
@@ -32,19 +32,26 @@ def scenes_of(path: str | Path) -> Scenes:
         return suburbs(load_spec(path))
     digest = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
 
-    @cache
-    def world() -> Scene:
-        return load_scene(path)
-
-    return Scenes(lambda seed, k: world(), digest, varied=False)
+    return Scenes(partial(_world, path, digest), digest, varied=False)
 
 
 def suburbs(spec: SceneSpec) -> Scenes:
     """Suburbs that differ in their seeds alone."""
     known = json.dumps(asdict(spec), sort_keys=True).encode()
-    return Scenes(
-        lambda seed, k: build_scene(spec_of(spec, seed, k)), hashlib.sha256(known).hexdigest()
-    )
+    return Scenes(partial(_suburb, spec), hashlib.sha256(known).hexdigest())
+
+
+def _suburb(spec: SceneSpec, seed: int, k: int) -> Scene:
+    return build_scene(spec_of(spec, seed, k))
+
+
+def _world(path: Path, digest: str, seed: int, k: int) -> Scene:
+    return _loaded(path, digest)
+
+
+@lru_cache(maxsize=1)
+def _loaded(path: Path, digest: str) -> Scene:
+    return load_scene(path)
 
 
 def spec_of(spec: SceneSpec, seed: int, k: int) -> SceneSpec:

@@ -1,0 +1,79 @@
+"""Work shared out among processes: all is done, and nothing goes on after a failure."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import pytest
+from worlds import ROOT
+
+from vrchain.errors import MissionError
+from vrchain.experiments.workers import each
+
+
+def write(folder: Path, number: int) -> None:
+    (folder / str(number)).write_text(str(os.getpid()))
+
+
+def fail(folder: Path, number: int) -> None:
+    if number == 1:
+        raise MissionError("the second cannot be done")
+    write(folder, number)
+    time.sleep(0 if number == 0 else 100)
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_every_number_is_worked_on_once(jobs: int, tmp_path: Path) -> None:
+    each(partial(write, tmp_path), range(6), jobs, "numbers")
+    by = {int(file.name): int(file.read_text()) for file in tmp_path.iterdir()}
+    assert sorted(by) == list(range(6))
+    assert set(by.values()) == {os.getpid()} if jobs == 1 else os.getpid() not in by.values()
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_nothing_to_do(jobs: int, tmp_path: Path) -> None:
+    each(partial(write, tmp_path), [], jobs, "numbers")
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("jobs", [1, 2])
+def test_a_failure_is_told_and_ends_all(jobs: int, tmp_path: Path) -> None:
+    begun_s = time.monotonic()
+    with pytest.raises(MissionError, match="the second cannot be done"):
+        each(partial(fail, tmp_path), range(6), jobs, "numbers")
+    assert time.monotonic() - begun_s < 90  # nobody sleeps on
+    assert len(list(tmp_path.iterdir())) < 5
+
+
+def test_ctrl_c_ends_all(tmp_path: Path) -> None:
+    code = (
+        "from functools import partial; from pathlib import Path; import time\n"
+        "from test_workers import fail\n"
+        "from vrchain.experiments.workers import each\n"
+        "if __name__ == '__main__':\n"
+        f"    each(partial(fail, Path({str(tmp_path)!r})), [2, 3, 4], 2, 'numbers')\n"
+    )
+    here = str(Path(__file__).parent)
+    process = subprocess.Popen(
+        [sys.executable, "-c", code],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), here, f"{ROOT}/tests"])},
+        stderr=subprocess.DEVNULL,
+        start_new_session=True,
+    )
+    try:
+        deadline_s = time.monotonic() + 60
+        while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline_s:
+            time.sleep(0.05)
+        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
+        assert process.wait(timeout=60) != 0
+    finally:
+        process.kill()
+    workers = [int(file.read_text()) for file in tmp_path.iterdir()]
+    assert len(workers) == 2
+    for worker in workers:
+        with pytest.raises(ProcessLookupError):
+            os.kill(worker, 0)

@@ -1,0 +1,44 @@
+"""Work that is done number by number, shared out among processes."""
+
+import os
+import signal
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from multiprocessing import active_children, get_context
+
+from tqdm.auto import tqdm
+
+MOST = 4  # processes, if nobody says how many: each holds a scene
+
+
+def each(work: Callable[[int], None], numbers: Sequence[int], jobs: int | None, what: str) -> None:
+    """Do ``work``, which keeps what it finds, of every number; one job does it in this process.
+
+    jobs: by default as many as there are cores, at most four. Broken off, or when one fails, all
+    are ended at once.
+    """
+    jobs = min(jobs or min(os.cpu_count() or 1, MOST), len(numbers))
+    if jobs <= 1:
+        for number in tqdm(numbers, desc=what, unit="", disable=None):
+            work(number)
+        return
+    # a new process each: what draws and learns must not be forked
+    context = get_context("spawn")
+    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_alone_on_a_core) as pool:
+        try:
+            begun = [pool.submit(work, number) for number in numbers]
+            for done in tqdm(
+                as_completed(begun), desc=what, unit="", total=len(begun), disable=None
+            ):
+                done.result()
+        except BaseException:
+            for process in active_children():
+                process.terminate()
+            raise
+
+
+def _alone_on_a_core() -> None:
+    """One thread, before libraries start theirs; the first process alone hears Ctrl-C."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    for threads in ("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
+        os.environ[threads] = "1"
