@@ -51,7 +51,7 @@ def test_a_failure_is_told_and_ends_all(jobs: int, tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_all(tmp_path: Path) -> None:
     code = (
-        "from functools import partial; from pathlib import Path; import time\n"
+        "from functools import partial; from pathlib import Path\n"
         "from test_workers import fail\n"
         "from vrchain.experiments.workers import each\n"
         "if __name__ == '__main__':\n"

@@ -212,7 +212,8 @@ def evaluate(
     asked = [FORMAT, scenes.digest, made_by, seed, asdict(grid), asdict(rig)]
     own = folder / name_of(asked)
     work = partial(_home_to, scenes, rows, seed, own, grid, rig, methods)
-    each(work, range(n_places), jobs, "places")
+    left = [place for place in range(n_places) if not _file_of(own, place).exists()]
+    each(work, left, jobs, "places")
     _drawn_suburb.cache_clear()
     found: list[pd.DataFrame] = []
     for place in range(n_places):
@@ -234,16 +235,13 @@ def _home_to(
     methods: Mapping[str, Method],
     place: int,
 ) -> None:
-    """Home vectors around one place, if they are not known already."""
+    """Home vectors around one place."""
     k, number = divmod(place, PLACES_A_SUBURB)
-    file = _file_of(own, place)
-    if file.exists():
-        return
     renderer = _drawn_suburb(scenes, seed, k)
     home = draw_place(renderer.scene, generator(seed, "home", k, number))
     draws = generator(seed, "homing", k, number)
     made = answers(renderer, home, draws, rows, grid=grid, rig=rig, methods=methods)
-    write_file(file, made.to_json(double_precision=15).encode())
+    write_file(_file_of(own, place), made.to_json(double_precision=15).encode())
 
 
 def _file_of(own: Path, place: int) -> Path:

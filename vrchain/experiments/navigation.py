@@ -216,7 +216,8 @@ def evaluate(
         scenes, n_robots, tuple(arms), seed, folder, rig or CameraRig(), config or MissionConfig(),
         weights, to_places, patrol_s, wrong_edges, barred,
     )  # fmt: skip
-    each(asked.drive, range(n_missions), jobs, "missions")
+    left = [number for number in range(n_missions) if not asked.is_done(number)]
+    each(asked.drive, left, jobs, "missions")
     _suburb.cache_clear()
     rows = []
     for number, arm in product(range(n_missions), arms):
@@ -261,6 +262,10 @@ class _Evaluation:
     def mission(self, number: int) -> Mission:
         """A mission that was drawn."""
         return Mission.from_dict(json.loads(self.mission_file(number).read_text()))
+
+    def is_done(self, number: int) -> bool:
+        """Whether a mission was driven by each arm: no process is started for it."""
+        return all(self.row_file(number, arm).exists() for arm in self.arms)
 
     def drive(self, number: int) -> None:
         """Draw a mission and drive it by each arm, as far as that was not done before."""

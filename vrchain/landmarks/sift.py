@@ -131,16 +131,12 @@ def _on_columns(
             found.descriptors[own],
         )
 
-    if keep is None:
-        found = detect(image[:, columns])
-        return features(found, inside(found))
-
-    def kept(found: Keypoints) -> NDArray[np.int64]:
+    def chosen(found: Keypoints) -> NDArray[np.int64]:
         own = inside(found)
-        return own[keep(features(found, own))]
+        return own if keep is None else own[keep(features(found, own))]
 
-    found = detect(image[:, columns], kept)
-    return features(found, np.arange(len(found)))
+    found = detect(image[:, columns], None if keep is None else chosen)
+    return features(found, inside(found))
 
 
 def root(descriptors: NDArray[np.uint8]) -> NDArray[np.float32]:
