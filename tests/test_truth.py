@@ -1,12 +1,15 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 import worlds
 
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
+from vrchain.paths import SCENES
 from vrchain.render import Renderer
+from vrchain.scene import load_scene
 from vrchain.scene.model import Scene, SceneObject, place
 from vrchain.seeding import generator
 from vrchain.truth import SKY, GroundTruth
@@ -144,6 +147,23 @@ def test_robots_hide_things_and_are_none_themselves() -> None:
     assert (hidden.index >= 0).all()
     _, points = truth.look_along(Pose(0, 0), [0.0], [-0.34 / 1.5], RIG, {"R2": Pose(1.5, 0)})
     assert points[0, 2] == pytest.approx(0.66, abs=0.1)  # on its flag
+
+
+def test_one_object_alone_is_seen_as_among_all() -> None:
+    scene = load_scene(SCENES / "crossing" / "crossing.world")
+    truth = GroundTruth(scene)
+    draws = generator(5, "one object")
+    half_m = np.array(scene.extent_m) / 2
+    single = CameraRig(1, 64, 48, 70.0)
+    for k in range(8):  # also inside of things, above whose boxes all directions lead
+        pose = Pose(
+            *map(float, draws.uniform(-half_m, half_m)), float(draws.uniform(-np.pi, np.pi))
+        )
+        rig, team = (single, {"R2": Pose(pose.x_m + 2, pose.y_m)}) if k % 2 else (RIG, None)
+        seen = truth.visibility(pose, rig, team)
+        for i in range(len(scene.objects)):
+            alone = truth.visibility(pose, rig, team, of=i)
+            pd.testing.assert_frame_equal(alone, seen[seen.index == i])
 
 
 def test_a_single_camera_sees_only_ahead() -> None:

@@ -4,13 +4,14 @@ Only the simulator, training, quality and experiments may ask; a robot never doe
 """
 
 from collections.abc import Mapping
+from itertools import product
 from typing import Any
 
 import numpy as np
 import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 
-from vrchain.geometry import Pose, rotation_z
+from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
 from vrchain.panorama import CameraRig
 from vrchain.scene import pioneer
 from vrchain.scene.atlas import Joined, pack
@@ -138,10 +139,12 @@ class GroundTruth:
         pose: Pose,
         rig: CameraRig | None = None,
         robots: Mapping[str, Pose] | None = None,
+        of: int | None = None,
     ) -> pd.DataFrame:
         """What is seen from ``pose``: one row an object, indexed by object id.
 
-        Robots have no row, but hide what is behind them.
+        Robots have no row, but hide what is behind them. of: this object's row alone, if it is
+        seen, for far fewer rays.
         Columns: azimuth_deg (degrees of azimuth in which any of it shows), area_deg2, visible
         (both large enough), range_m (median).
         """
@@ -151,20 +154,24 @@ class GroundTruth:
         rows = round(float(np.degrees(2 * top)) * _GRID_PER_DEG)
         bearing = rig.span_rad / 2 - (np.arange(columns) + 0.5) * rig.span_rad / columns
         slope = top - (np.arange(rows) + 0.5) * 2 * top / rows
-        bearings, slopes = np.broadcast_arrays(bearing[None, :], slope[:, None])
-        object_id, points = self.look_along(pose, bearings, slopes, rig, robots)
+        row, column = (i.ravel() for i in np.indices((rows, columns)))
+        if of is not None:
+            bounds_m = self.scene.objects[of].bounds_m
+            inside = _towards(bounds_m, pose, rig, bearing[column], slope[row])
+            row, column = row[inside], column[inside]
+        object_id, points = self.look_along(pose, bearing[column], slope[row], rig, robots)
         # a cell of azimuth and slope covers less solid angle away from the horizon
         cell_deg2 = np.degrees(rig.span_rad / columns) * np.degrees(2 * top / rows)
-        area = np.broadcast_to((cell_deg2 / (1 + slope**2) ** 1.5)[:, None], object_id.shape)
         seen = pd.DataFrame(
             {
-                "object_id": object_id.ravel(),
-                "column": np.broadcast_to(np.arange(columns), object_id.shape).ravel(),
-                "area_deg2": area.ravel(),
-                "range_m": np.linalg.norm(points - _eye(pose, rig), axis=-1).ravel(),
+                "object_id": object_id,
+                "column": column,
+                "area_deg2": (cell_deg2 / (1 + slope**2) ** 1.5)[row],
+                "range_m": np.linalg.norm(points - _eye(pose, rig), axis=-1),
             }
         )
-        groups = seen[seen.object_id > SKY].groupby("object_id")
+        own = seen.object_id > SKY if of is None else seen.object_id == of
+        groups = seen[own].groupby("object_id")
         result = pd.DataFrame(
             {
                 "azimuth_deg": groups.column.nunique() * np.degrees(rig.span_rad / columns),
@@ -199,6 +206,30 @@ class _Texels:
         size_px = self._size_px[triangle]
         texel = np.minimum(((uv - np.floor(uv)) * size_px).astype(np.int64), size_px - 1)
         return self._see_through[self._start[triangle] + texel[:, 1] * size_px[:, 0] + texel[:, 0]]
+
+
+def _towards(
+    bounds_m: NDArray[np.float64],
+    pose: Pose,
+    rig: CameraRig,
+    bearing_rad: NDArray[np.float64],
+    slope: NDArray[np.float64],
+) -> NDArray[np.bool_]:
+    """Which directions (n,) may meet an upright box, (2, 3); none that does is left out."""
+    low, high = bounds_m[:, :2] - pose.xy_m
+    near_m = float(np.hypot(*np.maximum(0.0, np.maximum(low, -high)))) - _BEHIND_M
+    if near_m <= 0:  # the box may be all around
+        return np.ones(len(slope), dtype=bool)
+    corners = np.array(list(product(*np.stack([low, high], axis=1))))
+    middle_rad = np.arctan2(*corners.mean(axis=0)[::-1])
+    half_rad = np.abs(wrap_angle_rad(np.arctan2(*corners.T[::-1]) - middle_rad)).max()
+    rise = (bounds_m[:, 2] - rig.camera_height_m)[:, None] / [
+        near_m,
+        np.hypot(*corners.T).max(),
+    ]
+    aside_rad = np.abs(wrap_angle_rad(bearing_rad + pose.yaw_rad - middle_rad))
+    level = (slope >= rise.min() - _BEHIND_M) & (slope <= rise.max() + _BEHIND_M)
+    return level & (aside_rad <= half_rad + _BEHIND_M)
 
 
 def _eye(pose: Pose, rig: CameraRig) -> NDArray[np.float64]:

@@ -199,7 +199,7 @@ class Ground:
             seen = (Sights(self.truth, pose, self.rig) for pose in (poses[0], poses[-1]))
             in_view = bool(shared(self.truth, *seen))
         else:
-            in_view = target in self.truth.visibility(poses[0], self.rig).index
+            in_view = len(self.truth.visibility(poses[0], self.rig, of=target)) > 0
         if in_view:
             return "goal in view"
         team = dict(zip(names, poses, strict=False))
@@ -233,7 +233,7 @@ class Ground:
             poses = {**poses, PLACE: target}
         seen = {n: Sights(self.truth, p, self.rig) for n, p in poses.items()}
         first, *others = poses
-        last = {n for n in others if n == PLACE or target in seen[n].visible}
+        last = {n for n in others if n == PLACE or self._sees(poses[n], target)}
         if not last:
             return None
 
@@ -271,6 +271,12 @@ class Ground:
             reached = list(onward.values())
             left -= {state.robot for state in reached}
         return None
+
+    def _sees(self, pose: Pose, target: int | Pose) -> bool:
+        """Whether an object is visible from a pose."""
+        return isinstance(target, int) and bool(
+            self.truth.visibility(pose, self.rig, of=target).visible.any()
+        )
 
     def _after_m(self, state: "_State") -> Array:
         """How far every point is by way of the state's landmark."""

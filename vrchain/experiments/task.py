@@ -137,7 +137,7 @@ def _tasks(
             if len(pictured[target]) < GOAL_PICTURES:
                 continue
             places = [Pose(*map(float, (*xy, draws.uniform(-np.pi, np.pi)))) for xy in chain]
-            if target in truth.visibility(places[0], rig).index:
+            if len(truth.visibility(places[0], rig, of=target)):
                 continue
             if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
                 continue
@@ -182,8 +182,9 @@ def goal_poses(scene: Scene, truth: GroundTruth, target: int, seed: int) -> list
         pose = Pose(float(x_m), float(y_m), float(wrap_angle_rad(azimuth + np.pi)))
         if not scene.is_free([pose.xy_m])[0]:
             continue
-        seen, whole = (t.visibility(pose, rig).area_deg2 for t in (truth, alone))
-        if target in seen.index and seen[target] >= _UNOCCLUDED * whole[0]:
+        seen = truth.visibility(pose, rig, of=target).area_deg2
+        whole = alone.visibility(pose, rig, of=0).area_deg2
+        if len(seen) and seen[target] >= _UNOCCLUDED * whole[0]:
             found.append(pose)
     return found
 

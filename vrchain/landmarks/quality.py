@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import pandas as pd
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
@@ -84,12 +85,20 @@ def co_visible(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> list[int
 
 
 class Sights:
-    """What is seen from a pose: ``table`` as of ``GroundTruth.visibility``, ``surface`` points."""
+    """What is seen from a pose, looked at when it is asked for."""
 
     def __init__(self, truth: GroundTruth, pose: Pose, rig: CameraRig) -> None:
         self.pose, self.rig, self._truth = pose, rig, truth
-        self.table = truth.visibility(pose, rig)
-        self.visible = set(map(int, self.table.index[self.table.visible]))
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """As of ``GroundTruth.visibility``."""
+        return self._truth.visibility(self.pose, self.rig)
+
+    @cached_property
+    def visible(self) -> set[int]:
+        """Ids of what is visible."""
+        return set(map(int, self.table.index[self.table.visible]))
 
     @cached_property
     def surface(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
