@@ -16,6 +16,7 @@ from vrchain.experiments.navigation import as_table, evaluate, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
 from vrchain.navigation.terms import MissionConfig
+from vrchain.scene.model import Scene
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
 SHORT = MissionConfig(limit_s=150.0)
@@ -122,7 +123,20 @@ def test_without_any_chain_what_is_given_a_chain_is_null() -> None:
     assert np.isfinite(found["seconds_simulated"])
 
 
-@pytest.mark.parametrize(("n", "arms"), [(0, ["oracle"]), (1, ["magic"])])
-def test_what_cannot_be_asked(n: int, arms: list[str], tmp_path: Path) -> None:
-    with pytest.raises(MissionError, match="expected 1 mission or more and arms of"):
-        evaluate(HAMLET, n, 4, arms, seed=3, folder=tmp_path)
+@pytest.mark.parametrize(
+    ("n", "n_robots", "arm", "refusal"),
+    [
+        (0, 4, "oracle", "expected 1 mission or more"),
+        (1, 4, "magic", "and arms of ledger, alone, oracle, got 1 and magic"),
+        (1, 1, "oracle", "expected 2 to 20 robots, got 1"),
+    ],
+)
+def test_what_cannot_be_asked(
+    n: int, n_robots: int, arm: str, refusal: str, tmp_path: Path
+) -> None:
+    def unbuilt(seed: int, k: int) -> Scene:
+        raise AssertionError("refused before a scene is built")
+
+    with pytest.raises(MissionError, match=refusal):
+        evaluate(Scenes(unbuilt, ""), n, n_robots, [arm], seed=3, folder=tmp_path)
+    assert not any(tmp_path.iterdir())

@@ -33,7 +33,7 @@ from vrchain.experiments.missions import PLACE, Ground, Mission
 from vrchain.experiments.oracle import Oracle
 from vrchain.experiments.patrol import Patrol
 from vrchain.experiments.scenes import Scenes
-from vrchain.experiments.task import goal_pictures
+from vrchain.experiments.task import goal_pictures, robot_names
 from vrchain.experiments.team import assemble
 from vrchain.experiments.workers import each
 from vrchain.experiments.wrong_edges import misled
@@ -203,6 +203,7 @@ def evaluate(
 
     What was found already under ``folder`` is read from there. jobs: see ``workers.each``.
     """
+    robot_names(n_robots)  # refused before a scene is built
     unknown = [arm for arm in arms if arm not in ARMS]
     for what, share in (("wrong edges", wrong_edges), ("barred legs", barred)):
         if not 0 <= share <= 1:
