@@ -23,7 +23,7 @@ class Profile:
 
 PROFILES = {
     "quick": Profile(
-        TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=200, spot_steps=80),
+        TrainConfig(ExampleConfig(suburbs=24), held_out=2, steps=130, spot_steps=50, warm_up=25),
         CalibrateConfig(suburbs=8),
     ),
     "full": Profile(
