@@ -1,4 +1,6 @@
 import json
+from dataclasses import replace
+from itertools import permutations, product
 
 import numpy as np
 import pytest
@@ -7,8 +9,8 @@ from sights import RIG
 
 from vrchain.errors import MissionError
 from vrchain.experiments import missions
-from vrchain.experiments.missions import FreeSpace, Ground, Mission
-from vrchain.landmarks.quality import co_visible
+from vrchain.experiments.missions import FreeSpace, Ground, Mission, _State
+from vrchain.landmarks.quality import Sights, co_visible, shared
 from vrchain.truth import GroundTruth
 
 
@@ -98,8 +100,31 @@ def test_a_place_is_out_of_sight_of_all_that_the_start_sees(ground: Ground) -> N
 @pytest.mark.usefixtures("short_ways")
 def test_every_third_mission_needs_two_landmarks(ground: Ground) -> None:
     drawn = ground.draw(5, 0, 3, 4)
-    assert drawn.chain is not None and len(drawn.chain.landmarks) >= 2
+    assert drawn.chain is not None and len(drawn.chain.landmarks) == 2
     assert "no chain of 2 or more" in drawn.rejected
+    assert drawn.chain.way_m == pytest.approx(_shortest_by_two_m(ground, drawn))
+
+
+def _shortest_by_two_m(ground: Ground, drawn: Mission) -> float:
+    """The shortest way by any two landmarks that make a chain, one after the other."""
+    truth, goal = ground.truth, ground.scene.index_of(drawn.goal)
+    first, *others = drawn.poses
+    seen = {name: Sights(truth, pose, RIG) for name, pose in drawn.poses.items()}
+    start = _State(first, None, ground.free.from_m(drawn.poses[first].xy_m), (), ())
+    ways_m = []
+    for a, b in permutations(others, 2):
+        if goal not in seen[b].visible:
+            continue
+        firsts, seconds = (
+            set(shared(truth, *(seen[n] for n in sorted(pair)))) - {goal}
+            for pair in ((first, a), (a, b))
+        )
+        for i, j in product(firsts, seconds):
+            by_i = replace(start, landmark=i)
+            by_j = replace(start, landmark=j, before_m=ground._after_m(by_i))
+            if i != j and j in ground._near(by_i) and goal in ground._near(by_j):
+                ways_m.append(ground._after_m(by_j)[ground._zone(goal)].min())
+    return min(ways_m)
 
 
 def test_where_no_mission_can_be_it_says_so(

@@ -24,6 +24,56 @@ def is_sure(*sights: tuple[float, int, float, float]) -> bool:
     return Arrival(pilot, cast(Any, None), lambda *args, **values: None)._is_sure(suspect)
 
 
+class Standing:
+    """A pilot that stands where it is: no way leads on."""
+
+    config, here = MissionConfig(), Pose(0.0, 0.0)
+    looks = ()
+
+    def __init__(self) -> None:
+        self.now = SimpleNamespace(time_ns=0)
+
+    def look_around(self) -> Any:
+        return None
+
+    def glance(self, bearing_rad: float) -> Any:
+        return None
+
+    def ahead_m(self, *bearing_rad: float) -> float:
+        return 8.0
+
+    def until_ns(self, place: Place) -> int:
+        return self.now.time_ns + 1
+
+    def stretch(self, *way: object) -> None:
+        self.now.time_ns += 1
+
+
+def suspect(x_m: float, chance: float = 0.9) -> Suspect:
+    """Seen once, by 12 keypoints, so far ahead."""
+    sight = GoalSight(0.0, x_m, x_m, 0.2, 12, 3.0, chance)
+    return Suspect(Place(np.array([x_m, 0.0]), np.eye(2)), chance, ((Pose(0.0, 0.0), sight),))
+
+
+def arrival(found: GoalSight | None = None) -> Arrival:
+    goal = SimpleNamespace(find=lambda *asked: found)
+    return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+
+
+def test_what_no_way_led_to_is_tried_once_more() -> None:
+    ours, far = arrival(), suspect(30.0)
+    assert not ours.drive_to(far) and not ours.was_mistaken(far.place)
+    assert not ours.drive_to(far) and ours.was_mistaken(far.place)
+
+
+def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
+    ours, near = arrival(), suspect(10.0)
+    ours.suspects.append(suspect(10.5))  # the same, noted at another look
+    assert ours.likeliest is not None
+    assert not ours.drive_to(near) and ours.was_mistaken(near.place)
+    assert ours.likeliest is None
+
+
 def test_sights_from_several_places_add_up() -> None:
     assert is_sure((0, 20, 15, 3), (3, 24, 12, 3))
     assert not is_sure((0, 20, 15, 3))

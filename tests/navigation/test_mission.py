@@ -9,10 +9,9 @@ from vrchain.errors import ImageError
 from vrchain.geometry import Pose
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
-from vrchain.navigation.driving import range_along_m
 from vrchain.navigation.eyes import Eyes
 from vrchain.navigation.goal import GoalPictures
-from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.mission import MissionResult, _left_of, run_mission
 from vrchain.navigation.terms import Decision, MissionConfig, Published
 
 GOAL_XY = (16.0, 8.0)
@@ -131,7 +130,11 @@ def test_two_legs() -> None:
     check_log(result, PATIENT)
     assert result.arrived, result.decisions
     assert body.pose.distance_to_m((30.0, 8.0)) - 1.5 <= 2.3
-    assert result.plans[0][1].robots == ("R1", "R2", "R3")
+    _, route = result.plans[0]
+    assert route.robots == ("R1", "R2", "R3")
+    first, second = (leg.chance for leg in route.legs)
+    assert _left_of(route, 0).score == route.score == pytest.approx(first * second, rel=0.1)
+    assert _left_of(route, 1).score == pytest.approx(second, rel=0.1)  # and that it is the goal
 
 
 def test_an_empty_ledger() -> None:
@@ -357,18 +360,6 @@ def test_where_the_world_lies_and_how_the_robot_is_turned_make_no_difference() -
             assert b.values[key] == (
                 value if isinstance(value, str) else pytest.approx(value, abs=0.1)
             )
-
-
-def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
-    ring = np.full(72, 8.0)
-    ring[18], ring[20], ring[0] = 3.0, 2.0, 1.0
-    beam = 2 * np.pi / 72
-    assert range_along_m(ring, 18 * beam) == 3.0
-    assert range_along_m(ring, 19 * beam) == 2.0
-    assert range_along_m(ring, 2 * np.pi - 0.05) == 1.0  # round the back of the ring
-    assert range_along_m(ring, -0.05) == 1.0
-    assert range_along_m(ring, 0.5) == 8.0
-    assert range_along_m(np.array([4.0]), 2.0) == np.inf
 
 
 def avenue() -> Plain:

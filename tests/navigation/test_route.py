@@ -207,15 +207,17 @@ def test_a_landmark_that_three_see_leads_from_each_to_each() -> None:
     by_r3 = landmark(0.8, bearing_a=0.51, bearing_b=2.0)
     edges = {("R1", "R2"): [by_r1], ("R2", "R3"): [by_r3]}
     found = planned(edges, {"R3": 40}, 3)
-    assert found.route.robots == ("R1", "R3")
-    leg = found.route.legs[0]
-    assert leg.landmark.score == leg.chance == pytest.approx(0.72)
-    assert found.route.trust == pytest.approx(0.72 * support_score(40))  # nothing joins R1 and R3
+    (leg,) = (claim for _, claim in found.graph.legs if (claim.a, claim.b) == ("R1", "R3"))
+    assert leg.score == leg.landmark.score == pytest.approx(0.72)
     assert (leg.landmark.a, leg.landmark.b) == (by_r1.a, by_r3.b)
     assert leg.landmark.support_a is by_r1.support_a
     assert leg.landmark.support_b is by_r3.support_b
-    again = planned(edges, {"R3": 40}, 3, failed={leg.key})
-    assert again.route.robots == ("R1", "R2", "R3")
+    # driven by way of R2: nothing was found that joins R1 and R3
+    assert found.route.robots == ("R1", "R2", "R3")
+    assert [leg.landmark for leg in found.route.legs] == [by_r1, by_r3]
+    assert len({leg.node for leg in found.route.legs}) == 1
+    assert found.route.score == pytest.approx(0.72 * support_score(40))
+    assert found.route.trust == pytest.approx(support_score(40))
 
 
 def test_failed_landmarks_are_not_used_again() -> None:

@@ -74,6 +74,22 @@ def test_what_others_deny_is_less_sure() -> None:
     assert Joins(joins).trust(("a", "b")) < 0.15
 
 
+def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
+    """e was taken where a was, so it tells the same of b, where c and d know better."""
+    false = Join(Pose(6.0, -8.0, 0.3), 0.85)
+    joins = told(WHOLE)
+    joins[("a", "b")] = false
+    for pair in (("a", "c"), ("a", "d")):
+        joins[pair] = Join(None, 0.0)
+    alone = Joins(joins).trust(("a", "b"))
+    twice = {
+        ("a", "e"): Join(Pose(0.0, 0.0), 1.0),
+        ("b", "e"): Join(relative(false.stand, Pose(0, 0)), 0.85),
+    }
+    assert alone < 0.5
+    assert Joins({**joins, **twice}).trust(("a", "b")) == alone
+
+
 def test_what_nobody_tells_of_stays_as_it_is_and_may_be_asked() -> None:
     joins = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
     joins[("a", "b")] = told(WHOLE)[("a", "b")]

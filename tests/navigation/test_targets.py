@@ -58,8 +58,9 @@ def test_what_nothing_tells_of_ends_the_list() -> None:
     assert driven_to((8.0, 4.0), joined=False) == ([], None, None)
 
 
-@pytest.mark.parametrize("way_m", [0.0, 30.0])
-def test_a_belief_fades_with_the_way(way_m: float) -> None:
+@pytest.mark.parametrize(("way_m", "steps"), [(0.0, 1), (30.0, 1), (30.0, 60)])
+def test_a_belief_fades_with_the_way_however_often_it_is_asked(way_m: float, steps: int) -> None:
     tracker = Tracker("a place", Place(np.zeros(2), np.eye(2)), np.empty((0, 0)), CALIBRATION)
-    tracker.moved(way_m)
-    assert tracker.place.std_m == pytest.approx(np.hypot(1.0, 0.03 * way_m))
+    for _ in range(steps):
+        tracker.moved(way_m / steps)
+    assert tracker.place.std_m == pytest.approx(np.sqrt(1.0 + 0.03 * way_m))

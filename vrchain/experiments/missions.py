@@ -245,15 +245,18 @@ class Ground:
         left = set(others)
         while reached and left:
             onward: dict[tuple[str, int], _State] = {}
+            least_m: dict[tuple[str, int], float] = {}
             for state in reached:
                 after_m = self._after_m(state)
                 for robot in sorted(left):
                     pair = (state.robot, robot)
                     for i in common(*sorted(pair)):
                         known = state.landmark is None or i in self._near(state)
-                        if (robot, i) in onward or not known or i in state.landmarks:
+                        if not known or i in state.landmarks:
                             continue
-                        if np.isfinite(after_m[self._zone(i)]).any():
+                        way_m = float(after_m[self._zone(i)].min(initial=np.inf))
+                        if way_m < least_m.get((robot, i), np.inf):
+                            least_m[robot, i] = way_m
                             onward[robot, i] = _State(
                                 robot, i, after_m, (*state.robots, robot), (*state.landmarks, i)
                             )

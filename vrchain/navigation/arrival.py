@@ -64,8 +64,11 @@ class Arrival:
         pilot = self.pilot
         worth = [
             s for s in self.suspects
-            if s.chance >= pilot.config.likely
-            or s.chance >= pilot.config.chance_per_m * (s.place.range_m(pilot.here) + _START_M)
+            if not self.was_mistaken(s.place)
+            and s.chance >= min(
+                pilot.config.likely,
+                pilot.config.chance_per_m * (s.place.range_m(pilot.here) + _START_M),
+            )
         ]  # fmt: skip
         return max(worth, key=lambda s: s.chance, default=None)
 
@@ -94,6 +97,7 @@ class Arrival:
         suspect = self._close_in(suspect)
         if not self._is_sure(suspect) and self._is_likely(suspect):
             self.log("circle", "it has not looked enough like the goal yet: from other sides")
+            suspect = replace(suspect, against=0)
             for seen in self._sides(suspect):
                 suspect = seen
                 if self._is_sure(suspect):
@@ -104,7 +108,8 @@ class Arrival:
         if not self._is_sure(suspect):
             self.log("doubt", "it never looked enough like the goal's pictures")
             if suspect.sights:
-                self._mistaken.append(suspect.place.xy_m)
+                near = suspect.place.range_m(self.pilot.here) < _NEAR_M
+                self._not_again(suspect.place, near)
             return False
         for _ in range(_TRIES):
             suspect = self._seen_around(suspect)
@@ -131,9 +136,13 @@ class Arrival:
     def _give_up(self, place: Place) -> bool:
         """What cannot be reached is tried once more, later; never arrived."""
         self.log("blocked", "no way leads to the goal from here")
-        tried = self._mistaken if _near(self._blocked, place) else self._blocked
-        tried.append(place.xy_m)
+        self._not_again(place)
         return False
+
+    def _not_again(self, place: Place, refuted: bool = False) -> None:
+        """Nothing there is the goal, or else it is tried once more."""
+        mistaken = refuted or _near(self._blocked, place)
+        (self._mistaken if mistaken else self._blocked).append(place.xy_m)
 
     def _begin(self, suspect: Suspect) -> None:
         """It is a suspect no longer: it is driven to."""
@@ -189,8 +198,10 @@ class Arrival:
                 sight = self.goal.find(pilot.look_around())
                 if sight is not None and sight.chance >= config.least_chance:
                     place = self._place_of(sight)
-                    if sight.chance > suspect.chance or suspect.place.astray(place) < _SAME_STD:
+                    if suspect.place.astray(place) < _SAME_STD:
                         suspect = replace(self._with_sight(suspect, sight), place=place)
+                    elif sight.chance > suspect.chance and not self.was_mistaken(place):
+                        suspect = Suspect(place, sight.chance, ((pilot.here, sight),))
             if suspect.against >= _AGAINST and not self._is_likely(suspect):
                 break
             suspect = replace(suspect, place=self._felt(suspect.place))
@@ -264,7 +275,9 @@ class Arrival:
 
     def _seen_around(self, suspect: Suspect) -> Suspect:
         """What a look all around tells of it."""
-        sight = self.goal.find(self.pilot.look_around())
+        look = self.pilot.look_around()
+        bearing_rad = suspect.place.bearing_rad(self.pilot.here)
+        sight = self.goal.find(look, bearing_rad, _BESIDE_RAD)
         if sight is None or sight.chance < self.pilot.config.likely:
             return suspect
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))

@@ -13,6 +13,7 @@ from vrchain.robot import Observation, steer
 
 Array = NDArray[np.float64]
 
+_HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _TICKS = 3  # of steering between two looks for a way
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
 
@@ -64,13 +65,16 @@ class Pilot:
 
         GaveUp when the mission's time is over.
         """
-        started_ns, driven_m, previous = self.now.time_ns, 0.0, self.here
+        driven_m, previous = 0.0, self.here
+        since_ns, since_m = self.now.time_ns, 0.0
         while driven_m < way_m:
+            if driven_m >= since_m + _HEADWAY_M:
+                since_ns, since_m = self.now.time_ns, driven_m
             self.ways.note(self.here, self.now.range_ring_m)
             course = self.ways.course_rad(self.here, xy_m, within_m)
             if course is None:
                 return driven_m if driven_m > 0.2 else None
-            if self.now.time_ns - started_ns > self.config.stuck_after_s * 1e9:
+            if self.now.time_ns - since_ns > self.config.stuck_after_s * 1e9:
                 self.ways.block(self.here, course)
                 return None
             for _ in range(_TICKS):

@@ -9,7 +9,7 @@ that holds two regions of one is split at its weakest claim until none does.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import combinations
+from itertools import combinations, pairwise
 
 import networkx as nx
 import numpy as np
@@ -73,6 +73,14 @@ class Landmark:
             elif score > 0:  # a product of very small scores is nothing
                 found.append(Claim(a, b, self._seen_by(a, b, score), score))
         return found
+
+    def way(self, a: str, b: str) -> list[tuple[str, str, Claim]]:
+        """The claims that lead from one that sees it to another, of the greatest product."""
+        graph = nx.Graph()
+        for claim in sorted(self.claims, key=lambda c: c.score):
+            graph.add_edge(claim.a, claim.b, claim=claim, unlikely=-np.log(claim.score))
+        names = nx.dijkstra_path(graph, a, b, weight="unlikely")
+        return [(one, other, graph.edges[one, other]["claim"]) for one, other in pairwise(names)]
 
     def _seen_by(self, a: str, b: str, score: float) -> CommonLandmark:
         of_a, of_b = self.sights[a], self.sights[b]

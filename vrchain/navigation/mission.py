@@ -6,7 +6,7 @@ so that a mission can be read, and replayed in pictures.
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -37,8 +37,10 @@ _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
 _PATIENCE = 0.8  # times as sure need a route be, after each look elsewhere, to be worth driving
 _SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
-_BETTER = 1.01  # times as sure a route is taken instead of the one that is driven
+_BETTER = 1.2  # times as sure a route is taken instead of the one that is driven
 _OWN = 8  # latest looks from which a route may begin
+_MOVED_M = 1.0  # nearer to each other are looks from one place
+_SHOWN_M = 18.0  # from farther away a goal that was not found was not refuted
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,6 +95,12 @@ class Onward:
     look: Look
 
 
+def _left_of(route: Route, passed: int) -> Route:
+    """A route of which so many legs are behind the robot, to be compared with others from here."""
+    behind = np.prod([leg.chance for leg in route.legs[:passed]])
+    return replace(route, score=min(1.0, route.score / float(behind)))
+
+
 class _Mission:
     def __init__(
         self,
@@ -141,9 +149,11 @@ class _Mission:
             least = self.config.least_trust * _PATIENCE**fruitless
             least = least if suspect is None else suspect.chance
             if found.route is not None and found.route.trust >= least:
-                fruitless = 0
+                before = self.pilot.here
                 if self.follow(found.route, found, look):
                     return
+                if before.distance_to_m(self.pilot.here.xy_m) > _MOVED_M:
+                    fruitless = 0
                 self.log("plan again", "the goal was not reached this way")
             elif suspect is not None:
                 if self.arrival.drive_to(suspect):
@@ -160,6 +170,8 @@ class _Mission:
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""
         published, eyes = self.published(), self.pilot.eyes
+        if self.own and self.own[0][0].distance_to_m(self.pilot.here.xy_m) < _MOVED_M:
+            self.own.pop(0)  # from here it saw the same: it is no second witness
         self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
         latest = self.own[:_OWN]
         return plan(
@@ -188,9 +200,9 @@ class _Mission:
                 "ledger", f"{name} sees the goal", number, robot=name, matches=sight.n_matches,
                 chance=round(sight.chance, 2),
             )  # fmt: skip
-        names = route.robots
+        names, n_landmarks = route.robots, len({leg.node for leg in route.legs})
         self.log(
-            "route", f"{' - '.join(names)} - goal, by {len(route.legs)} common landmarks", number,
+            "route", f"{' - '.join(names)} - goal, by {n_landmarks} common landmarks", number,
             score=round(route.score, 3), trust=round(route.trust, 2),
         )  # fmt: skip
         begin, _, first = next(
@@ -212,10 +224,12 @@ class _Mission:
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
             nearest_m = min((p.range_m(pilot.here) for p in later), default=np.inf)
-            if leg.key in self.reached or nearest_m < tracker.place.range_m(pilot.here):
+            same = k > 1 and leg.node == route.legs[k - 2].node and drove
+            if same or leg.key in self.reached or nearest_m < tracker.place.range_m(pilot.here):
                 continue
+            left = _left_of(route, k - 1)
             if drove:
-                seen = self.regard(pilot.look_around(), route)
+                seen = self.regard(pilot.look_around(), left)
                 if isinstance(seen, Suspect):
                     return self.arrival.drive_to(seen)
                 if seen is not None:
@@ -225,7 +239,7 @@ class _Mission:
                 bearing_deg=round(float(np.degrees(tracker.place.bearing_rad(pilot.here))), 1),
                 range_m=round(tracker.place.range_m(pilot.here), 1),
             )  # fmt: skip
-            drove, ended = True, self.approach(tracker, route)
+            drove, ended = True, self.approach(tracker, left)
             if isinstance(ended, Suspect):
                 return self.arrival.drive_to(ended)
             if isinstance(ended, Onward):
@@ -242,8 +256,12 @@ class _Mission:
             return False
         if self.home(goal, route):
             return True
-        if lookout is not None and self.from_lookout(lookout, route):
+        shown = goal.range_m(pilot.here) < _SHOWN_M
+        if lookout is not None and self.from_lookout(lookout, _left_of(route, len(route.legs))):
             return True
+        if not shown:
+            self.failed.update(leg.key for leg in route.legs[-1:])
+            return False
         self.in_vain.append(goal.xy_m)
         self.doubted.add(found.published[route.seen_by].digest)
         return False
@@ -263,9 +281,12 @@ class _Mission:
     def home(self, place: Place, route: Route) -> bool:
         """From the last landmark to where the goal should be."""
         suspect = self.arrival.note(self.pilot.look_around())
-        if suspect is None or suspect.chance < self.config.likely:
-            suspect = Suspect(place, route.score)
-        return self.arrival.drive_to(suspect)
+        if suspect is not None and suspect.chance >= self.config.likely:
+            if self.arrival.drive_to(suspect):
+                return True
+            if np.hypot(*(suspect.place.xy_m - place.xy_m)) < _SAME_M:
+                return False
+        return self.arrival.drive_to(Suspect(place, route.score))
 
     def from_lookout(self, lookout: Tracker, route: Route) -> bool:
         """The goal is not where it should be: look for it from where it was seen."""
@@ -280,12 +301,13 @@ class _Mission:
         config, pilot, name = self.config, self.pilot, tracker.name
         until_ns = pilot.until_ns(tracker.place)
         glanced, looked, stretch = 0.0, 0.0, 0.5
+        large_m = _LARGE_M if len(tracker.embedding) else 0.0  # a mere place has no side
         while pilot.now.time_ns < until_ns:
             place = tracker.place
             range_m = place.range_m(pilot.here)
             ahead_m = pilot.ahead_m(place.bearing_rad(pilot.here))
             if range_m <= config.approach_m or (
-                ahead_m < config.approach_m and range_m < config.approach_m + _LARGE_M
+                ahead_m < config.approach_m and range_m < config.approach_m + large_m
             ):
                 self.log("reached", f"{name} is near", seen=tracker.seen)
                 return "near"

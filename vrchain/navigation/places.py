@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 _BEARING_STD_RAD = 0.04  # of a sight, the robot's own heading and the thing's extent included
 _RANGE_STD = 0.25  # of the range that the network tells, as a share
-_DRIFT = 0.03  # metres of doubt, a metre driven
+_DRIFT_M = 0.03  # square metres of doubt, a metre driven: 1 m after 30 m
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Place:
 
     def after(self, way_m: float) -> "Place":
         """What is left of the belief after driving so far."""
-        return self.unsure(_DRIFT * way_m)
+        return self.unsure(float(np.sqrt(_DRIFT_M * way_m)))
 
     def unsure(self, std_m: float) -> "Place":
         """The belief, so much less sure in every direction."""

@@ -7,6 +7,7 @@ in front of the robot and those that the others have published.
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
+from math import prod
 
 import numpy as np
 
@@ -170,14 +171,9 @@ def plan(
 
 
 def _weighed(route: Route, panoramas: Compared) -> Route:
-    """A route with the trust in it; what was not compared yet of its panoramas is now."""
-    pairs = [panoramas.in_order(leg.seen_by, leg.next_by) for leg in route.legs]
-    for pair in pairs:
-        if pair not in panoramas.found:
-            panoramas.compare(*pair)
-    joins, right = panoramas.joins(), 1.0
-    for leg, pair in zip(route.legs, pairs, strict=True):
-        right *= max(joins.trust(pair), leg.chance)  # it may be known by way of a third alone
+    """A route with the trust in it."""
+    joins = panoramas.joins()
+    right = prod(joins.trust((leg.seen_by, leg.next_by)) for leg in route.legs)
     return replace(route, trust=route.sighting.chance * right)
 
 
@@ -241,14 +237,18 @@ def _route(
     key: Callable[[Claim], LandmarkKey],
     own: Set[str],
 ) -> Route:
-    """A chain as a route, which begins at the last of the robot's own panoramas in it."""
+    """A chain as a route, which begins at the last of the robot's own panoramas in it.
+
+    Two that are known to see a landmark by way of others are two legs or more, by one landmark.
+    """
     robots = [graph.robots[i] for i in chain.robots]
-    begins = max(k for k, name in enumerate(robots) if name in own)
-    legs = tuple(
-        _leg(*pair, graph.legs[k][1], key(graph.legs[k][1]), graph.name(landmark))
-        for pair, k, landmark in zip(pairwise(robots), chain.legs, chain.landmarks, strict=True)
-    )[begins:]
-    return Route(legs, robots[-1], seen[robots[-1]], chain.score)
+    legs = [
+        _leg(a, b, claim, key(claim), graph.name(landmark))
+        for pair, landmark in zip(pairwise(robots), chain.landmarks, strict=True)
+        for a, b, claim in graph.landmarks[landmark].way(*pair)
+    ]
+    begins = max((k for k, leg in enumerate(legs) if leg.seen_by in own), default=0)
+    return Route(tuple(legs[begins:]), robots[-1], seen[robots[-1]], chain.score)
 
 
 def _leg(a: str, b: str, claim: Claim, key: LandmarkKey, node: str) -> Leg:

@@ -18,7 +18,7 @@ Pair = tuple[str, str]
 
 _SURE = 0.8  # trust from which a join bears witness
 _TOLD = 0.1  # trust from which it is compared with what a witness says
-_NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the other's place
+_NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the place of either
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
 # The odds times so much if two witnesses agree; with each of two that do not, if none does. By all
 # pairs of two patrols of seed 1003: of those of a chance between 0.2 and 0.5 (right: 0.34), 0.82
@@ -90,7 +90,7 @@ class Joins:
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
                     continue
                 told = beyond(back, course_rad, way_m, stand.yaw_rad)
-                if np.hypot(*told.xy_m) <= _NEAR_M:
+                if _APART_M <= np.hypot(*told.xy_m) <= _NEAR_M:
                     yield third, there, told
 
     def _agrees(self, here: str, there: str, told: Pose) -> bool | None:

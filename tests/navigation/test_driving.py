@@ -1,0 +1,50 @@
+"""Driving by odometry, around what the range ring shows."""
+
+import numpy as np
+import pytest
+
+from navigation.plains import EYES, Plain, Walker
+from vrchain.geometry import Pose
+from vrchain.navigation.driving import Pilot, range_along_m
+from vrchain.navigation.terms import GaveUp, MissionConfig
+
+
+def pilot(shut_in: bool = False, **config: float) -> Pilot:
+    """A robot on open ground, its back to where it is going."""
+    walker = Walker(Plain(()), Pose(0.0, 0.0, np.pi), shut_in)
+    return Pilot(walker, EYES, MissionConfig(**config))  # type: ignore[arg-type]
+
+
+def there(x_m: float) -> np.ndarray:
+    """A place straight behind the start, in the frame of the robot's odometry."""
+    return np.array([-x_m, 0.0])
+
+
+def test_a_long_stretch_of_open_ground_is_driven_whole() -> None:
+    ours = pilot()
+    driven_m = ours.stretch(there(45.0), 1.0, 40.0)
+    assert driven_m is not None and driven_m >= 40.0
+    assert np.hypot(*(ours.here.xy_m - there(45.0))) < 7.0
+
+
+def test_who_makes_no_headway_is_stuck() -> None:
+    ours = pilot(shut_in=True)
+    assert ours.stretch(there(45.0), 1.0, 40.0) is None
+    assert ours.now.time_ns <= (ours.config.stuck_after_s + 2) * 1e9
+
+
+def test_the_time_ends_in_the_middle_of_a_stretch() -> None:
+    with pytest.raises(GaveUp, match="out of time after 10 s"):
+        pilot(limit_s=10.0).stretch(there(45.0), 1.0, 40.0)
+
+
+def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
+    ring = np.full(72, 8.0)
+    ring[18], ring[20], ring[0] = 3.0, 2.0, 1.0
+    beam = 2 * np.pi / 72
+    assert range_along_m(ring, 18 * beam) == 3.0
+    assert range_along_m(ring, 19 * beam) == 2.0
+    assert range_along_m(ring, 2 * np.pi - 0.05) == 1.0  # round the back of the ring
+    assert range_along_m(ring, -0.05) == 1.0
+    assert range_along_m(ring, 0.5) == 8.0
+    assert range_along_m(np.array([4.0]), 2.0) == np.inf
