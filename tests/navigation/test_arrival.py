@@ -56,7 +56,7 @@ def suspect(x_m: float, chance: float = 0.9) -> Suspect:
 
 
 def arrival(found: GoalSight | None = None) -> Arrival:
-    goal = SimpleNamespace(find=lambda *asked: found)
+    goal = SimpleNamespace(find=lambda *asked, **fair: found)
     return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
 
 

@@ -7,7 +7,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
 from vrchain.landmarks.spots import NO_SPOTS
-from vrchain.navigation.goal import FoundOnce, GoalPictures
+from vrchain.navigation.goal import FoundOnce, GoalPictures, any_sight
 
 HERE = Pose(0.0, 0.0, 0.3)
 PLAIN = Plain(
@@ -37,6 +37,17 @@ def test_a_double_and_what_looks_otherwise_are_less_likely() -> None:
     assert other.chance < 0.05
 
 
+def test_behind_what_is_known_to_be_no_goal_another_is_found() -> None:
+    look = PLAIN.look(HERE)
+    best = GOAL.find(look)
+    second = GOAL.find(look, fair=lambda sight: sight != best)
+    assert best and second and second.chance < best.chance
+    assert second.bearing_rad == pytest.approx(HERE.bearing_to_rad((-9.0, 5.0)), abs=0.03)
+    assert GOAL.find(look, fair=lambda sight: False) is None
+    once = FoundOnce(GOAL)
+    assert once.find(look) == best and once.find(look, fair=lambda s: s != best) == second
+
+
 def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
     look = PLAIN.look(HERE)
     assert GOAL.find(look, HERE.bearing_to_rad((0.0, -10.0)), 0.1) is None
@@ -63,9 +74,9 @@ def test_it_is_looked_for_once_in_a_look_but_each_time_in_a_window() -> None:
     asked = []
 
     class Asked:
-        def find(self, look, near_rad=None, window_rad=0.4):
+        def find(self, look, near_rad=None, window_rad=0.4, fair=any_sight):
             asked.append(near_rad)
-            return GOAL.find(look, near_rad, window_rad)
+            return GOAL.find(look, near_rad, window_rad, fair)
 
     look, goal = PLAIN.look(HERE), FoundOnce(Asked())
     assert goal.find(look) is goal.find(look) is not None

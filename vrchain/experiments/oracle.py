@@ -16,7 +16,7 @@ from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.quality import Sights, shared
 from vrchain.landmarks.sift import Features
 from vrchain.navigation.eyes import Eyes, Look, surface_m
-from vrchain.navigation.goal import GoalSight
+from vrchain.navigation.goal import GoalSight, any_sight
 from vrchain.navigation.place_goal import ARRIVED_M, GoalPlace
 from vrchain.panorama import CameraRig
 from vrchain.robot import Observation
@@ -145,7 +145,11 @@ class TrueGoal:
     embedding: NDArray[np.float32]
 
     def find(
-        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        fair: Callable[[GoalSight], bool] = any_sight,
     ) -> GoalSight | None:
         """The goal, if it is in view."""
         p = look.proposals
@@ -158,10 +162,11 @@ class TrueGoal:
             off_rad = abs(float(wrap_angle_rad(bearing - near_rad)))
             if off_rad > half_rad + window_rad:
                 return None
-        return GoalSight(
+        sight = GoalSight(
             float(wrap_angle_rad(bearing)), float(p.range_m[k]), surface_m(look, k), half_rad,
             _ENOUGH, _ALIKE, 1.0,
         )  # fmt: skip
+        return sight if fair(sight) else None
 
 
 def _embedding(name: str) -> NDArray[np.float32]:

@@ -73,13 +73,11 @@ class Arrival:
         return max(worth, key=lambda s: s.chance, default=None)
 
     def note(self, look: Look) -> Suspect | None:
-        """Take in a look around; what may be the goal in it, if that was no mistake before."""
-        sight = self.goal.find(look)
+        """Take in a look around; what may be the goal in it and was no mistake before."""
+        sight = self.goal.find(look, fair=self._is_fair)
         if sight is None or sight.chance < self.pilot.config.least_chance:
             return None
         place = self._place_of(sight)
-        if self.was_mistaken(place):
-            return None
         for i, known in enumerate(self.suspects):
             if known.place.astray(place) < _SAME_STD:
                 self.suspects[i] = self._with_sight(known, sight)
@@ -158,6 +156,10 @@ class Arrival:
         """Where the goal's nearest side is."""
         return sighted(self.pilot.here, sight.bearing_rad, sight.surface_m)
 
+    def _is_fair(self, sight: GoalSight) -> bool:
+        """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
+        return not self.was_mistaken(self._place_of(sight))
+
     def _is_sure(self, suspect: Suspect) -> bool:
         """Whether arrival may be claimed there, by all sights of it from different places."""
         config = self.pilot.config
@@ -195,12 +197,12 @@ class Arrival:
                     suspect = self._regarded(suspect)
             elif looked >= config.look_every_m:
                 looked = 0.0
-                sight = self.goal.find(pilot.look_around())
+                sight = self.goal.find(pilot.look_around(), fair=self._is_fair)
                 if sight is not None and sight.chance >= config.least_chance:
                     place = self._place_of(sight)
                     if suspect.place.astray(place) < _SAME_STD:
                         suspect = replace(self._with_sight(suspect, sight), place=place)
-                    elif sight.chance > suspect.chance and not self.was_mistaken(place):
+                    elif sight.chance > suspect.chance:
                         suspect = Suspect(place, sight.chance, ((pilot.here, sight),))
             if suspect.against >= _AGAINST and not self._is_likely(suspect):
                 break

@@ -5,7 +5,7 @@ those of the pictures at about the same height above the ground, and that keypoi
 with one of the pictures. A logistic regression weighs them.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
@@ -50,13 +50,22 @@ class GoalSight:
     sized: bool = False
 
 
+def any_sight(sight: GoalSight) -> bool:
+    """Nothing is known that speaks against it."""
+    return True
+
+
 class KnownGoal(Protocol):
     """A goal that can be recognised."""
 
     def find(
-        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        fair: Callable[[GoalSight], bool] = any_sight,
     ) -> GoalSight | None:
-        """The best sight of the goal, within a window around a bearing if one is given."""
+        """The best fair sight of the goal, within a window around a bearing if one is given."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,9 +81,13 @@ class GoalPictures:
     taken_m: float = 10.0
 
     def find(
-        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        fair: Callable[[GoalSight], bool] = any_sight,
     ) -> GoalSight | None:
-        """The best sight of the goal, within a window around a bearing if one is given."""
+        """The best fair sight of the goal, within a window around a bearing if one is given."""
         p = look.proposals
         if len(p) == 0 or len(self.shown.embedding) == 0:
             return None
@@ -104,7 +117,7 @@ class GoalPictures:
                     matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(scales),
                 )
             )  # fmt: skip
-        return max(found, key=lambda s: s.chance, default=None)
+        return max(filter(fair, found), key=lambda s: s.chance, default=None)
 
     def _located(self, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
         """The goal by keypoints around a bearing, picture by picture."""
@@ -124,11 +137,15 @@ class FoundOnce:
         self._found: dict[int, tuple[Look, GoalSight | None]] = {}  # the look is kept: so is its id
 
     def find(
-        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        fair: Callable[[GoalSight], bool] = any_sight,
     ) -> GoalSight | None:
-        """The best sight of the goal, within a window around a bearing if one is given."""
-        if near_rad is not None:
-            return self._goal.find(look, near_rad, window_rad)
+        """The best fair sight of the goal, within a window around a bearing if one is given."""
+        if near_rad is not None or fair is not any_sight:
+            return self._goal.find(look, near_rad, window_rad, fair)
         if id(look) not in self._found:
             self._found[id(look)] = look, self._goal.find(look)
         return self._found[id(look)][1]

@@ -4,6 +4,7 @@ From afar, what a look around and that panorama have in common tells where it wa
 homing tells it, look by look.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,7 +13,7 @@ from vrchain.homing import HomeVector, home_vector
 from vrchain.navigation.arrival import Arrival, Suspect
 from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes, Look
-from vrchain.navigation.goal import GoalSight
+from vrchain.navigation.goal import GoalSight, any_sight
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.terms import Log
 
@@ -32,7 +33,11 @@ class GoalPlace:
     eyes: Eyes
 
     def find(
-        self, look: Look, near_rad: float | None = None, window_rad: float = 0.4
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        fair: Callable[[GoalSight], bool] = any_sight,
     ) -> GoalSight | None:
         """Where the place is, by a look around; a view by one camera does not tell."""
         if look.record is None and self.look.record is not None:
@@ -43,9 +48,10 @@ class GoalPlace:
             return None
         range_m = geometry.baseline_heights * look.rig.camera_height_m
         chance = self.eyes.trust(look, self.look, found)
-        return GoalSight(
+        sight = GoalSight(
             geometry.direction_rad, range_m, range_m, 0.0, len(found.common), 0.0, chance
         )
+        return sight if fair(sight) else None
 
     def homing(self, look: Look) -> HomeVector | None:
         """The way there from near; None: too little speaks for it."""
