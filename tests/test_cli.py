@@ -196,6 +196,7 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("reproduce", "survey"), "--only"),
         (("figures", "portrait"), "update_time"),
         (("scene", "export", SUBURB, "-o", "scene.obj"), ".glb"),
+        (("scene", "export", CROSSING, "-o", "again.world"), "write it as .glb"),
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "render", "--positions", "0"), "1 position"),
         (("bench", "ledger", "--positions", "0"), "1 position"),

@@ -121,8 +121,8 @@ def install_torch(lock: int) -> None:
     source = ["--extra-index-url", index, "--timeout", "10", "--retries", "1"] if index else []
     if not pip(*source, torch_requirement(), lock=lock):
         say(
-            f"went on without {torch_requirement()} (see above): only learned landmarks need it, "
-            "and environment.md says where to find it"
+            f"went on without {torch_requirement()} (see above): without it there are no landmarks "
+            "but SIFT's, no missions and no `make reproduce`; environment.md says where to find it"
         )
 
 

@@ -6,7 +6,8 @@ import pytest
 from vrchain.errors import MissionError
 from vrchain.experiments.landmark_evaluation import accused, evaluate, row, strangers
 from vrchain.experiments.landmark_scores import as_table, summarise
-from vrchain.experiments.scenes import suburbs
+from vrchain.experiments.scenes import Scenes, suburbs
+from vrchain.scene.model import Scene
 from vrchain.scene.spec import SceneSpec
 
 
@@ -109,6 +110,12 @@ def test_the_accused_are_counted_by_where_they_stand() -> None:
     table = accused(found)
     assert table.two_suburbs.tolist() == [False, True] and table.pairs.tolist() == [3, 1]
     assert table.claimed.tolist() == pytest.approx([1 / 3, 0.0])
+
+
+def test_one_world_has_no_strangers(tmp_path: Path) -> None:
+    world = Scenes(lambda seed, k: Scene("one", (9.0, 9.0), ()), "", varied=False)
+    with pytest.raises(MissionError, match="expected the spec of a suburb"):
+        strangers(world, 4, [row("sift")], seed=3000, folder=tmp_path)
 
 
 @pytest.mark.slow

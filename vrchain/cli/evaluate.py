@@ -77,7 +77,9 @@ def landmarks(
 @app.command()
 def strangers(
     spec: Spec = SUBURB,
-    pairs: Annotated[int, typer.Option(help="Half of one suburb, half of two; 1000.")] = 40,
+    pairs: Annotated[
+        int, typer.Option(help="Half within one suburb, half across two; 1000 to report.")
+    ] = 40,
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; the default.")
     ] = None,
@@ -112,7 +114,7 @@ def photographs(
 ) -> None:
     """Count the pairs of photographs with a claim: of one place, and of two. Plain SIFT beside.
 
-    Without a folder: print how the settings were chosen, on rendered views.
+    Without a folder: print how eight settings do on rendered views.
     """
     from vrchain.experiments.photographs import choose, compare_folders
 

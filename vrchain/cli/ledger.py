@@ -133,7 +133,8 @@ def append(
     robot: str,
     file: Path,
     reason: Annotated[
-        str | None, typer.Option(help="start, distance, view or time [start, then time].")
+        str | None,
+        typer.Option(help="start, distance, view or time; if not given: start, then time."),
     ] = None,
     landmarks: Annotated[
         Path | None, typer.Option(metavar="FILE", help="Its landmark record.")

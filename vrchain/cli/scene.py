@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from vrchain.errors import SpecError
 from vrchain.files import write_file
 
 app = typer.Typer(no_args_is_help=True, help="Look at a scene.")
@@ -68,9 +69,15 @@ def export(
     """Write a scene as one glTF file, or a suburb of ours as a Gazebo world with its models."""
     from vrchain.scene import load_scene, load_spec
     from vrchain.scene.export import check_name, export_scene
+    from vrchain.scene.gazebo import SUFFIXES
     from vrchain.scene.sdf_export import SUFFIX, export_world
 
     if output.suffix.lower() == SUFFIX:
+        if spec.suffix.lower() in SUFFIXES:
+            raise SpecError(
+                f"expected the scene file of a suburb to write as {SUFFIX}, got the Gazebo world "
+                f"{spec}: write it as .glb instead"
+            )
         export_world(load_spec(spec), output)
         print(f"wrote {output}, and its models beside it")
         return

@@ -186,8 +186,13 @@ def strangers(
     """Pairs with nothing in common, half of one suburb, half of two: one row a pair and variant.
 
     Columns: pair, variant, two_suburbs, score (of the surest claim, 0 without any). What was found
-    already under ``folder`` is read from there.
+    already under ``folder`` is read from there. MissionError if the scenes do not differ.
     """
+    if not scenes.varied:
+        raise MissionError(
+            "expected the spec of a suburb, of which many are drawn, got one world: "
+            "what stands in it is no stranger to itself"
+        )
     rig = rig or CameraRig()
     own = _own_folder(folder, scenes, ["strangers"], variants, seed, rig)
     wanted = {False: n_pairs - n_pairs // 2, True: n_pairs // 2}

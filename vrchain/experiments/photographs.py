@@ -1,6 +1,8 @@
 """Photographs: how many pairs of one place are claimed, how many of two, and by which settings.
 
-The settings are chosen on rendered views of suburbs alone, never on photographs.
+``choose`` tries settings on rendered views of suburbs. Which of them to take was decided after the
+photographs of the project's tests had been looked at: what they do on these is no independent
+evidence.
 """
 
 from collections.abc import Iterator, Mapping, Sequence

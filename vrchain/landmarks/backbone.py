@@ -1,4 +1,4 @@
-"""EfficientNet-Lite0, trained on ImageNet: what a crop looks like, as one vector. torch only here.
+"""EfficientNet-Lite0, trained on ImageNet: what a crop looks like, as one vector.
 
 M. Tan and Q. V. Le, "EfficientNet: Rethinking Model Scaling for Convolutional Neural Networks",
 2019 (arXiv:1905.11946); the Lite variant (TensorFlow, 2020) has no squeeze-and-excitation and
@@ -33,7 +33,7 @@ _STAGES = (
     (1, 1, True),
 )
 _MIDDLE_STAGE = 5  # stages up to the last one of stride 16
-_HOW = 'pip install "vrchain[learned]", as environment.md says'
+_HOW = "environment.md says, under torch, how to install it"
 
 
 @dataclass(frozen=True, eq=False)

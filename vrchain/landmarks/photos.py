@@ -36,8 +36,9 @@ _GROUP_SHARE = (
 class PhotoConfig:
     """How matches are found and how many must agree.
 
-    The numbers were chosen on rendered views of suburbs (``experiments.photographs``): of unrelated
-    ones at most one pair in a hundred is claimed.
+    By rendered views of suburbs (``experiments.photographs``) at most one pair in a hundred of
+    unrelated views is claimed so. Ratio, tolerance and ``either`` were taken after the photographs
+    of the project's tests had been looked at: what they do on these is no independent evidence.
     """
 
     root: bool = True  # Hellinger's distance between descriptors

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).with_name("weights_full.pt")
 _FORMAT = 1
 _MAX_BYTES = 20_000_000
-_HOW = 'pip install "vrchain[learned]", as environment.md says'
+_HOW = "environment.md says, under torch, how to install it"
 
 
 def save_weights(network: "Network", file: Path) -> None:
