@@ -7,11 +7,13 @@ import pytest
 from navigation.plains import CALIBRATION, EYES, Plain, PlainIndex, Thing, Walker
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose
+from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
+from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes
 from vrchain.navigation.goal import GoalPictures
-from vrchain.navigation.mission import MissionResult, _left_of, run_mission
+from vrchain.navigation.mission import MissionResult, _left_of, _Mission, run_mission
 from vrchain.navigation.terms import Decision, MissionConfig, Published
 
 GOAL_XY = (16.0, 8.0)
@@ -248,6 +250,27 @@ def test_what_has_gone_is_sought_once_whoever_saw_it() -> None:
     assert not result.arrived
     assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
     assert any("as was found before" in d.why for d in result.decisions)
+
+
+@pytest.mark.parametrize(("trust", "join_is_blamed"), [(0.6, True), (1.0, False)])
+def test_what_is_least_sure_is_blamed_for_leading_astray(
+    trust: float, join_is_blamed: bool
+) -> None:
+    """Of a sight of the goal and the joins that lead there."""
+    index = PlainIndex(street(), TEAM)
+    eyes = replace(EYES, trust=lambda a, b, found: trust)
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
+    look = pilot.look_around()
+    found = ours.plan(look)
+    assert found.route is not None and 0.6 < found.route.sighting.chance < 1.0
+    ours.blame(found.route, found)
+    assert ours.doubted == (set() if join_is_blamed else {b"R2"})
+    nothing = Comparison((), None)
+    assert ours.trust(found.looks["R2"], look, nothing) == (0.0 if join_is_blamed else trust)
+    assert ours.plan(look).route is None
+    assert ours.trust(pilot.look_around(), found.looks["R2"], nothing) == trust  # looked anew
 
 
 def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from vrchain.geometry import Pose
+from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import Arrival, Suspect
 from vrchain.navigation.driving import Array, Pilot
@@ -121,6 +122,7 @@ class _Mission:
         self._alike: dict[tuple[int, int], float] = {}
         self.reached: set[LandmarkKey] = set()
         self.in_vain: list[Array] = []  # where the goal should have been
+        self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
         self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
         self.arrival = (
             PlaceArrival(pilot, goal, self.log)
@@ -169,14 +171,14 @@ class _Mission:
 
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""
-        published, eyes = self.published(), self.pilot.eyes
+        published = self.published()
         if self.own and self.own[0][0].distance_to_m(self.pilot.here.xy_m) < _MOVED_M:
             self.own.pop(0)  # from here it saw the same: it is no second witness
         self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
         latest = self.own[:_OWN]
         return plan(
             self.robot, look, published, self.index, self.goal, self.failed, self.doubted,
-            eyes.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
+            self.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
             [stood for stood, _, _ in latest],
         )  # fmt: skip
 
@@ -263,8 +265,22 @@ class _Mission:
             self.failed.update(leg.key for leg in route.legs[-1:])
             return False
         self.in_vain.append(goal.xy_m)
-        self.doubted.add(found.published[route.seen_by].digest)
+        self.blame(route, found)
         return False
+
+    def blame(self, route: Route, found: Plan) -> None:
+        """What led to where no goal is: the join that is least sure, or the sight if it is less."""
+        leg = min(route.legs, key=lambda leg: leg.trust)
+        if leg.trust < route.sighting.chance:
+            self.refuted.append((found.looks[leg.seen_by], found.looks[leg.next_by]))
+        else:
+            self.doubted.add(found.published[route.seen_by].digest)
+
+    def trust(self, a: Look, b: Look, compared: Comparison) -> float:
+        """The chance that two panoramas were joined rightly, none if that was refuted."""
+        if any({id(a), id(b)} == {id(one), id(other)} for one, other in self.refuted):
+            return 0.0
+        return self.pilot.eyes.trust(a, b, compared)
 
     def regard(self, look: Look, route: Route) -> "Suspect | Onward | None":
         """What a look on the way tells: what may be the goal, or a better route from here."""

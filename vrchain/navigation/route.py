@@ -39,7 +39,8 @@ LandmarkKey = tuple[bytes, bytes, int]
 class Leg:
     """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
 
-    node: the landmark's name in ``LandmarkGraph.networkx``. chance: that it leads on.
+    node: the landmark's name in ``LandmarkGraph.networkx``. chance: that it leads on. trust: that
+    the two panoramas were joined rightly.
     """
 
     seen_by: str
@@ -48,6 +49,7 @@ class Leg:
     key: LandmarkKey  # names the landmark among those that failed
     node: str
     chance: float = 1.0
+    trust: float = 1.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -173,8 +175,9 @@ def plan(
 def _weighed(route: Route, panoramas: Compared) -> Route:
     """A route with the trust in it."""
     joins = panoramas.joins()
-    right = prod(joins.trust((leg.seen_by, leg.next_by)) for leg in route.legs)
-    return replace(route, trust=route.sighting.chance * right)
+    legs = [replace(leg, trust=joins.trust((leg.seen_by, leg.next_by))) for leg in route.legs]
+    right = prod(leg.trust for leg in legs)
+    return replace(route, legs=tuple(legs), trust=route.sighting.chance * right)
 
 
 def _sights(
