@@ -240,16 +240,26 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
         assert "route" not in after
 
 
-def test_what_has_gone_is_sought_once_whoever_saw_it() -> None:
+@pytest.mark.parametrize(
+    ("trust", "why", "times"),
+    [
+        (1.0, "what R2, R3 saw is not the goal", 1),
+        (0.7, "what R3 sees is not the goal, as was found before", 2),  # joins are blamed first
+    ],
+)
+def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(
+    trust: float, why: str, times: int
+) -> None:
     """R2 and R3 saw the goal where there is nothing any more."""
     then, now = street(), Plain(street().things[1:])
     index = PlainIndex(then, {**TEAM, "R3": Pose(9.0, 5.5, 1.0)})
     goal = then.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT)
+    eyes = replace(EYES, trust=lambda a, b, found: trust)
+    result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT, eyes=eyes)
     check_log(result, PATIENT)
     assert not result.arrived
-    assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
-    assert any("as was found before" in d.why for d in result.decisions)
+    assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == times
+    assert why in [d.why for d in result.decisions]
 
 
 @pytest.mark.parametrize(("trust", "join_is_blamed"), [(0.6, True), (1.0, False)])
@@ -257,7 +267,7 @@ def test_what_is_least_sure_is_blamed_for_leading_astray(
     trust: float, join_is_blamed: bool
 ) -> None:
     """Of a sight of the goal and the joins that lead there."""
-    index = PlainIndex(street(), TEAM)
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
     eyes = replace(EYES, trust=lambda a, b, found: trust)
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
     pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
@@ -266,10 +276,12 @@ def test_what_is_least_sure_is_blamed_for_leading_astray(
     found = ours.plan(look)
     assert found.route is not None and 0.6 < found.route.sighting.chance < 1.0
     ours.blame(found.route, found)
-    assert ours.doubted == (set() if join_is_blamed else {b"R2"})
+    # R3 stood beside R2 and saw the same
+    assert ours.doubted == (set() if join_is_blamed else {b"R2", b"R3"})
     nothing = Comparison((), None)
     assert ours.trust(found.looks["R2"], look, nothing) == (0.0 if join_is_blamed else trust)
-    assert ours.plan(look).route is None
+    again = ours.plan(look).route
+    assert again is None if not join_is_blamed else again and again.robots == ("R1", "R3")
     assert ours.trust(pilot.look_around(), found.looks["R2"], nothing) == trust  # looked anew
 
 

@@ -20,9 +20,10 @@ from vrchain.navigation.exploring import Explorer
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
-from vrchain.navigation.places import Place
+from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.route import LandmarkKey, Plan, Route, plan
-from vrchain.navigation.targets import targets
+from vrchain.navigation.stands import stand_of
+from vrchain.navigation.targets import asked, targets
 from vrchain.navigation.terms import (
     Body,
     Decision,
@@ -41,6 +42,8 @@ _SAME_M = 8.0  # within which two panoramas that are said to show the goal show 
 _BETTER = 1.2  # times as sure a route is taken instead of the one that is driven
 _OWN = 8  # latest looks from which a route may begin
 _MOVED_M = 1.0  # nearer to each other are looks from one place
+_SURE = 0.8  # trust from which panoramas tell of each other
+_ORIGIN = Pose(0.0, 0.0)
 _SHOWN_M = 18.0  # from farther away a goal that was not found was not refuted
 
 
@@ -272,9 +275,27 @@ class _Mission:
         """What led to where no goal is: the join that is least sure, or the sight if it is less."""
         leg = min(route.legs, key=lambda leg: leg.trust)
         if leg.trust < route.sighting.chance:
+            self.log("doubt", f"{leg.seen_by} and {leg.next_by} were not joined rightly")
             self.refuted.append((found.looks[leg.seen_by], found.looks[leg.next_by]))
-        else:
-            self.doubted.add(found.published[route.seen_by].digest)
+            return
+        same = {n for n in found.goal_seen_by if self.one_thing(found, route.seen_by, n)}
+        names = sorted({route.seen_by, *same})
+        self.log("doubt", f"what {', '.join(names)} saw is not the goal")
+        self.doubted.update(found.published[name].digest for name in names)
+
+    def one_thing(self, found: Plan, a: str, b: str) -> bool:
+        """Whether what two surely joined panoramas take for the goal is in one place."""
+        if (a, b) not in found.compared and (b, a) not in found.compared:
+            return False
+        between, back = asked(a, b, found.compared)
+        stand = stand_of(_ORIGIN, between, found.looks[a].rig, back)
+        if stand is None or self.trust(found.looks[a], found.looks[b], between) < _SURE:
+            return False
+        one, other = (
+            sighted(pose, sight.bearing_rad, sight.surface_m).xy_m
+            for pose, sight in ((_ORIGIN, found.goal_seen_by[a]), (stand, found.goal_seen_by[b]))
+        )
+        return bool(np.hypot(*(one - other)) < _SAME_M)
 
     def trust(self, a: Look, b: Look, compared: Comparison) -> float:
         """The chance that two panoramas were joined rightly, none if that was refuted."""

@@ -44,14 +44,14 @@ def targets(
     stands: list[Pose | None] = [begin]
     rig = looks[0].rig
     for a, b in pairwise(route.robots):
-        between, back = _asked(a, b, compared)
+        between, back = asked(a, b, compared)
         stand = stands[-1]
         stands.append(None if stand is None else stand_of(stand, between, rig, back))
     found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
         name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
         ranges = leg.landmark.ranges or (None, None)
-        between, _ = _asked(leg.seen_by, leg.next_by, compared)
+        between, _ = asked(leg.seen_by, leg.next_by, compared)
         apart_m = baseline_m(between, rig)
         places, embedding = [], []
         for region, share, seen, stand in zip(
@@ -99,7 +99,7 @@ def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tr
     return Tracker(f"where {name} looked around", place, none, calibration)
 
 
-def _asked(
+def asked(
     a: str, b: str, compared: Mapping[tuple[str, str], Comparison]
 ) -> tuple[Comparison, bool]:
     """What two panoramas have in common, and whether it was asked the other way round."""
