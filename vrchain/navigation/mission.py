@@ -122,7 +122,7 @@ class _Mission:
         self.plans: list[tuple[int, Route]] = []
         self.failed: set[LandmarkKey] = set()
         self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
-        self._alike: dict[tuple[int, int], float] = {}
+        self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
         self.reached: set[LandmarkKey] = set()
         self.in_vain: list[Array] = []  # where the goal should have been
         self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
@@ -189,8 +189,8 @@ class _Mission:
         """Asked of the same two again and again."""
         key = id(a), id(b)
         if key not in self._alike:
-            self._alike[key] = self.pilot.eyes.alike(a, b)
-        return self._alike[key]
+            self._alike[key] = self.pilot.eyes.alike(a, b), a, b  # kept: so are their ids
+        return self._alike[key][0]
 
     def lasting(self, seen: Published) -> float:
         """The chance that a view has not changed since."""
@@ -229,7 +229,7 @@ class _Mission:
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
             nearest_m = min((p.range_m(pilot.here) for p in later), default=np.inf)
-            same = k > 1 and leg.node == route.legs[k - 2].node and drove
+            same = drove and leg.node == route.legs[k - 2].node
             if same or leg.key in self.reached or nearest_m < tracker.place.range_m(pilot.here):
                 continue
             left = _left_of(route, k - 1)
