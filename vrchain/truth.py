@@ -21,6 +21,7 @@ SKY = -1
 VISIBLE_AZIMUTH_DEG = 1.25  # an object is visible if its own pixels span this much azimuth
 VISIBLE_AREA_DEG2 = 1.5  # and this solid angle
 _GRID_PER_DEG = 4  # rays a degree when judging visibility
+_MARGIN = 1e-4  # metres, radians or slope: so near past a box a ray is still cast
 _BEHIND_M = 1e-4  # a ray that went through a see-through texel goes on so far behind it
 _MOST_LAYERS = 32  # the next cut-out that a ray meets stops it, whatever its texel
 
@@ -134,6 +135,10 @@ class GroundTruth:
         points = eye + rays * np.where(object_id == SKY, np.nan, distance)[..., None]
         return object_id, points
 
+    def sees(self, target: int, pose: Pose, rig: CameraRig | None = None) -> bool:
+        """Whether an object is visible from ``pose``."""
+        return bool(self.visibility(pose, rig, of=target).visible.any())
+
     def visibility(
         self,
         pose: Pose,
@@ -217,19 +222,17 @@ def _towards(
 ) -> NDArray[np.bool_]:
     """Which directions (n,) may meet an upright box, (2, 3); none that does is left out."""
     low, high = bounds_m[:, :2] - pose.xy_m
-    near_m = float(np.hypot(*np.maximum(0.0, np.maximum(low, -high)))) - _BEHIND_M
+    near_m = float(np.hypot(*np.maximum(0.0, np.maximum(low, -high)))) - _MARGIN
     if near_m <= 0:  # the box may be all around
         return np.ones(len(slope), dtype=bool)
     corners = np.array(list(product(*np.stack([low, high], axis=1))))
     middle_rad = np.arctan2(*corners.mean(axis=0)[::-1])
     half_rad = np.abs(wrap_angle_rad(np.arctan2(*corners.T[::-1]) - middle_rad)).max()
-    rise = (bounds_m[:, 2] - rig.camera_height_m)[:, None] / [
-        near_m,
-        np.hypot(*corners.T).max(),
-    ]
+    far_m = np.hypot(*corners.T).max()
+    rise = (bounds_m[:, 2] - rig.camera_height_m)[:, None] / [near_m, far_m]
     aside_rad = np.abs(wrap_angle_rad(bearing_rad + pose.yaw_rad - middle_rad))
-    level = (slope >= rise.min() - _BEHIND_M) & (slope <= rise.max() + _BEHIND_M)
-    return level & (aside_rad <= half_rad + _BEHIND_M)
+    level = (slope >= rise.min() - _MARGIN) & (slope <= rise.max() + _MARGIN)
+    return level & (aside_rad <= half_rad + _MARGIN)
 
 
 def _eye(pose: Pose, rig: CameraRig) -> NDArray[np.float64]:

@@ -13,17 +13,6 @@ from vrchain.navigation.places import Place
 from vrchain.navigation.terms import MissionConfig
 
 
-def is_sure(*sights: tuple[float, int, float, float]) -> bool:
-    """x_m of the robot, keypoints, range of the goal's side and looks of each sight."""
-    seen = tuple(
-        (Pose(x_m, 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
-        for x_m, keypoints, range_m, looks in sights
-    )
-    pilot = cast(Any, SimpleNamespace(config=MissionConfig()))
-    suspect = Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen)
-    return Arrival(pilot, cast(Any, None), lambda *args, **values: None)._is_sure(suspect)
-
-
 class Standing:
     """A pilot that stands where it is: no way leads on."""
 
@@ -55,9 +44,18 @@ def suspect(x_m: float, chance: float = 0.9) -> Suspect:
     return Suspect(Place(np.array([x_m, 0.0]), np.eye(2)), chance, ((Pose(0.0, 0.0), sight),))
 
 
-def arrival(found: GoalSight | None = None) -> Arrival:
-    goal = SimpleNamespace(find=lambda *asked, **fair: found)
+def arrival() -> Arrival:
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
     return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+
+
+def is_sure(*sights: tuple[float, int, float, float]) -> bool:
+    """x_m of the robot, keypoints, range of the goal's side and looks of each sight."""
+    seen = tuple(
+        (Pose(x_m, 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
+        for x_m, keypoints, range_m, looks in sights
+    )
+    return arrival()._is_sure(Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen))
 
 
 def test_what_no_way_led_to_is_tried_once_more() -> None:

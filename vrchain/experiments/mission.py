@@ -168,8 +168,7 @@ def is_at(
     """Whether a robot is at the goal, in sight of it, and how far it is from its footprint."""
     target = scene.index_of(goal)
     range_m = _range_m(scene, goal, pose)
-    visible = truth.visibility(pose, rig, of=target).visible.any()
-    return bool(visible) and range_m <= SUCCESS_RANGE_M, range_m
+    return truth.sees(target, pose, rig) and range_m <= SUCCESS_RANGE_M, range_m
 
 
 def save_log(run: MissionRun, folder: Path) -> None:

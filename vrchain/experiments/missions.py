@@ -229,11 +229,12 @@ class Ground:
         target: the goal, an object or a place. far_m: how far every point is from that robot; zone:
         where the goal is reached.
         """
-        if isinstance(target, Pose):
-            poses = {**poses, PLACE: target}
-        seen = {n: Sights(self.truth, p, self.rig) for n, p in poses.items()}
         first, *others = poses
-        last = {n for n in others if n == PLACE or self._sees(poses[n], target)}
+        if isinstance(target, Pose):
+            poses, others, last = {**poses, PLACE: target}, [*others, PLACE], {PLACE}
+        else:
+            last = {n for n in others if self.truth.sees(target, poses[n], self.rig)}
+        seen = {n: Sights(self.truth, p, self.rig) for n, p in poses.items()}
         if not last:
             return None
 
@@ -274,12 +275,6 @@ class Ground:
             reached = list(onward.values())
             left -= {state.robot for state in reached}
         return None
-
-    def _sees(self, pose: Pose, target: int | Pose) -> bool:
-        """Whether an object is visible from a pose."""
-        return isinstance(target, int) and bool(
-            self.truth.visibility(pose, self.rig, of=target).visible.any()
-        )
 
     def _after_m(self, state: "_State") -> Array:
         """How far every point is by way of the state's landmark."""

@@ -19,7 +19,7 @@ from vrchain.navigation.terms import Log
 _DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again
 _SAME_STD = 3.0  # standard deviations within which two sights are of one thing
 _ASTRAY = 4.0  # ... beyond which a glance did not show what is driven to
-_NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
+NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
 _AGAIN = 0.7  # of its chance is left after each
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _START_M = 10.0  # a detour of no length costs so much
@@ -106,7 +106,7 @@ class Arrival:
         if not self._is_sure(suspect):
             self.log("doubt", "it never looked enough like the goal's pictures")
             if suspect.sights:
-                near = suspect.place.range_m(self.pilot.here) < _NEAR_M
+                near = suspect.place.range_m(self.pilot.here) < NEAR_M
                 self._not_again(suspect.place, near)
             return False
         for _ in range(_TRIES):
@@ -223,7 +223,7 @@ class Arrival:
         sight = self.goal.find(look, bearing, window_rad)
         missed = sight is None or sight.chance < _DOUBT_CHANCE
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
-            if not _SHAPE_M < range_m < _NEAR_M:
+            if not _SHAPE_M < range_m < NEAR_M:
                 return suspect
             chance = _AGAIN * suspect.chance
             return replace(suspect, chance=chance, against=suspect.against + 1)

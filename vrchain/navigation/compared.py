@@ -8,7 +8,7 @@ from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.pairing import bridges, partners
-from vrchain.navigation.stands import Join, Joins, Pair, relative, stand_of
+from vrchain.navigation.stands import ORIGIN, Join, Joins, Pair, relative, stand_of
 from vrchain.navigation.terms import Published
 
 _BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
@@ -50,7 +50,7 @@ class Compared:
             found = self._index.compare(self._known[a].digest, digest)
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
-        self._joins[a, b] = Join(stand_of(Pose(0.0, 0.0), found, self.looks[a].rig), trust)
+        self._joins[a, b] = Join(stand_of(ORIGIN, found, self.looks[a].rig), trust)
         return trust
 
     def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:

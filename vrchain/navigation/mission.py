@@ -14,7 +14,7 @@ import numpy as np
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
-from vrchain.navigation.arrival import Arrival, Suspect
+from vrchain.navigation.arrival import NEAR_M, Arrival, Suspect
 from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.exploring import Explorer
 from vrchain.navigation.eyes import Eyes, Look
@@ -22,7 +22,7 @@ from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.route import LandmarkKey, Plan, Route, plan
-from vrchain.navigation.stands import stand_of
+from vrchain.navigation.stands import ORIGIN, SURE, stand_of
 from vrchain.navigation.targets import asked, targets
 from vrchain.navigation.terms import (
     Body,
@@ -42,9 +42,6 @@ _SAME_M = 8.0  # within which two panoramas that are said to show the goal show 
 _BETTER = 1.2  # times as sure a route is taken instead of the one that is driven
 _OWN = 8  # latest looks from which a route may begin
 _MOVED_M = 1.0  # nearer to each other are looks from one place
-_SURE = 0.8  # trust from which panoramas tell of each other
-_ORIGIN = Pose(0.0, 0.0)
-_SHOWN_M = 18.0  # from farther away a goal that was not found was not refuted
 
 
 @dataclass(frozen=True, eq=False)
@@ -261,7 +258,7 @@ class _Mission:
             return False
         if self.home(goal, route):
             return True
-        shown = goal.range_m(pilot.here) < _SHOWN_M
+        shown = goal.range_m(pilot.here) < NEAR_M
         if lookout is not None and self.from_lookout(lookout, _left_of(route, len(route.legs))):
             return True
         if not shown:
@@ -288,12 +285,12 @@ class _Mission:
         if (a, b) not in found.compared and (b, a) not in found.compared:
             return False
         between, back = asked(a, b, found.compared)
-        stand = stand_of(_ORIGIN, between, found.looks[a].rig, back)
-        if stand is None or self.trust(found.looks[a], found.looks[b], between) < _SURE:
+        stand = stand_of(ORIGIN, between, found.looks[a].rig, back)
+        if stand is None or self.trust(found.looks[a], found.looks[b], between) < SURE:
             return False
         one, other = (
             sighted(pose, sight.bearing_rad, sight.surface_m).xy_m
-            for pose, sight in ((_ORIGIN, found.goal_seen_by[a]), (stand, found.goal_seen_by[b]))
+            for pose, sight in ((ORIGIN, found.goal_seen_by[a]), (stand, found.goal_seen_by[b]))
         )
         return bool(np.hypot(*(one - other)) < _SAME_M)
 

@@ -250,7 +250,7 @@ def _route(
         for pair, landmark in zip(pairwise(robots), chain.landmarks, strict=True)
         for a, b, claim in graph.landmarks[landmark].way(*pair)
     ]
-    begins = max((k for k, leg in enumerate(legs) if leg.seen_by in own), default=0)
+    begins = max(k for k, leg in enumerate(legs) if leg.seen_by in own)
     return Route(tuple(legs[begins:]), robots[-1], seen[robots[-1]], chain.score)
 
 

@@ -16,7 +16,7 @@ from vrchain.panorama import CameraRig
 
 Pair = tuple[str, str]
 
-_SURE = 0.8  # trust from which a join bears witness
+SURE = 0.8  # trust from which a join bears witness
 _TOLD = 0.1  # trust from which it is compared with what a witness says
 _NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the place of either
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
@@ -24,7 +24,7 @@ _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, met
 # pairs of two patrols of seed 1003: of those of a chance between 0.2 and 0.5 (right: 0.34), 0.82
 # (n 11) and 0.11 (35) are right then, of those between 0.5 and 0.8 (0.84), 0.93 (40) and 0.33 (6).
 _FOR, _AGAINST, _HEARD = 9.0, 0.4, 2
-_ORIGIN = Pose(0.0, 0.0)
+ORIGIN = Pose(0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -46,9 +46,9 @@ class Joins:
         self._joins: dict[Pair, Join] = {}  # either way round
         self._sure: dict[str, list[str]] = {}
         for (a, b), join in joins.items():
-            back = None if join.stand is None else relative(join.stand, _ORIGIN)
+            back = None if join.stand is None else relative(join.stand, ORIGIN)
             self._joins |= {(a, b): join, (b, a): Join(back, join.trust)}
-            if join.trust >= _SURE and join.stand is not None:
+            if join.trust >= SURE and join.stand is not None:
                 self._sure.setdefault(a, []).append(b)
                 self._sure.setdefault(b, []).append(a)
 
@@ -84,7 +84,7 @@ class Joins:
             stand = self._joins[here, there].stand
             if stand is None:
                 continue
-            way_m, course_rad = float(np.hypot(*stand.xy_m)), _ORIGIN.bearing_to_rad(stand.xy_m)
+            way_m, course_rad = float(np.hypot(*stand.xy_m)), ORIGIN.bearing_to_rad(stand.xy_m)
             for third in self._sure.get(here, []):
                 back = self._joins[third, here].stand
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
