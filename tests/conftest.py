@@ -11,10 +11,13 @@ os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
 from vrchain.experiments.reproduction import reproduce
 from vrchain.experiments.results import PROFILES, Results
+from vrchain.memory import keep_freed_memory
 
 settings.register_profile("quick", max_examples=50, derandomize=True, deadline=None)
 settings.register_profile("full", max_examples=1000, deadline=None)
 settings.load_profile("quick")  # `make test-all` asks for "full"
+
+keep_freed_memory()
 
 SAID = "said.txt"  # what the reproduction told, a line each
 

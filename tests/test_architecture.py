@@ -18,6 +18,7 @@ LEVELS = {
     "seeding": 0,
     "paths": 0,
     "files": 0,
+    "memory": 0,
     "scene": 1,
     "panorama": 1,
     "ledger": 1,

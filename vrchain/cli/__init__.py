@@ -14,6 +14,7 @@ import typer
 from vrchain import __version__
 from vrchain.cli import bench, evaluate, ledger, research, robots, scene
 from vrchain.errors import UnsupportedWarning, VRChainError
+from vrchain.memory import keep_freed_memory
 
 app = typer.Typer(
     no_args_is_help=True,
@@ -41,6 +42,7 @@ def version() -> None:
 
 def main() -> None:
     """Run the command line; errors of use become one line and an exit status."""
+    keep_freed_memory()
     interrupts: list[int] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:

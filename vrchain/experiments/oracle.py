@@ -11,7 +11,7 @@ from vrchain.homing import HomeVector
 from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.common import CommonLandmark, Comparison
 from vrchain.landmarks.epipolar import PlanarGeometry
-from vrchain.landmarks.joint import region_of
+from vrchain.landmarks.joint import regions_of
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.quality import Sights, shared
 from vrchain.landmarks.sift import Features
@@ -75,7 +75,7 @@ class Oracle:
                 p = look.proposals
                 alike = p.embedding @ _embedding(name)
                 if len(alike) and alike.max() > _SAME:
-                    regions.append(region_of(p, int(alike.argmax()), self.rig))
+                    regions += regions_of(p, np.array([alike.argmax()]), self.rig)
             if len(regions) == 2:
                 claims.append(CommonLandmark(1.0, regions[0], regions[1], _NONE, _NONE))
         geometry = PlanarGeometry(

@@ -8,6 +8,8 @@ from multiprocessing import active_children, get_context
 
 from tqdm.auto import tqdm
 
+from vrchain.memory import keep_freed_memory
+
 MOST = 4  # processes, if nobody says how many: each holds a scene
 
 
@@ -39,6 +41,7 @@ def each(work: Callable[[int], None], numbers: Sequence[int], jobs: int | None, 
 
 def _alone_on_a_core() -> None:
     """One thread, before libraries start theirs; the first process alone hears Ctrl-C."""
+    keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for threads in ("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ[threads] = "1"

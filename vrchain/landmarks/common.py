@@ -172,23 +172,25 @@ def panorama_region(support: Features, rig: CameraRig) -> Region:
     offset, reach = wrap_angle_rad(support.bearing_rad - middle), support.size_rad / 2
     right, left = float((offset - reach).min()), float((offset + reach).max())
     low, high = float((support.slope - reach).min()), float((support.slope + reach).max())
-    return view_box(middle + (left + right) / 2, left - right, (low, high), rig)
+    shape = [middle + (left + right) / 2, left - right, low, high]
+    return view_boxes(np.array([shape]), rig)[0]
 
 
-def view_box(
-    bearing_rad: float, width_rad: float, slopes: tuple[float, float], rig: CameraRig
-) -> Region:
-    """The region of something so wide around a bearing, between two slopes."""
-    bearing = float(wrap_angle_rad(bearing_rad))
-    view = int(rig.view_of_bearing(bearing))
+def view_boxes(shapes: NDArray[np.float64], rig: CameraRig) -> list[Region]:
+    """Regions (n, 4): bearing_rad, how wide in radians, slopes of the lower and upper edge."""
+    bearing_rad, width_rad, low, high = shapes.T
+    bearing = wrap_angle_rad(bearing_rad)
+    view = rig.view_of_bearing(bearing)
     half, edge = width_rad / 2, np.radians(rig.field_of_view_deg) / 2
     off_axis = wrap_angle_rad(bearing - rig.azimuths_rad[view]) + np.linspace(-half, half, 9)
     across = rig.azimuths_rad[view] + np.clip(off_axis, -edge, edge)
-    x_px, y_px = rig.project(view, across[:, None], np.array([slopes]))
-    box = (
-        float(np.clip(x_px.min(), 0, rig.width_px)),
-        float(np.clip(y_px.min(), 0, rig.height_px)),
-        float(np.clip(x_px.max(), 0, rig.width_px)),
-        float(np.clip(y_px.max(), 0, rig.height_px)),
-    )
-    return Region(view, box, bearing, width_rad)
+    x_px, y_px = rig.project(view, across, np.stack([low, high])[:, None])
+    x_px, y_px = x_px.clip(0, rig.width_px), y_px.clip(0, rig.height_px)
+    top, bottom = y_px.min(axis=(0, 1)), y_px.max(axis=(0, 1))
+    boxes = np.stack([x_px.min(axis=0), top, x_px.max(axis=0), bottom], axis=1)
+    return [
+        Region(v, (x0, y0, x1, y1), b, w)
+        for v, (x0, y0, x1, y1), b, w in zip(
+            view.tolist(), boxes.tolist(), bearing.tolist(), width_rad.tolist(), strict=True
+        )
+    ]

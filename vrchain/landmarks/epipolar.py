@@ -97,9 +97,22 @@ def _seen(from_baseline_rad: Array, slope: Array) -> NDArray[np.float32]:
 def may_meet(
     a: NDArray[np.float32], b: NDArray[np.float32], tolerance_rad: float
 ) -> NDArray[np.bool_]:
-    """Which directions (n,) from A and (m,) from B may show one point: (n, m)."""
-    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T[:, :, None], b.T
+    """Which pairs of directions, (n, 3) each from A and from B, may show one point: (n,)."""
+    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T, b.T
     return one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
+
+
+def sampson_terms(
+    a: NDArray[np.float32], b: NDArray[np.float32]
+) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """Terms (n, 6), (m, 6) of directions from A and from B, for many Sampson distances at once.
+
+    The product of the first two is the residual, of the others the square of its scale.
+    """
+    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T, b.T
+    of_a = [sin_a, -t_a, sin_a**2, np.ones_like(t_a), cos_a**2, t_a**2]
+    of_b = [t_b, sin_b, np.ones_like(t_b), sin_b**2, t_b**2, cos_b**2]
+    return np.stack(of_a, axis=1), np.stack(of_b, axis=1)
 
 
 def estimate(

@@ -6,6 +6,7 @@ they are matched again inside joined proposals. Each joined pair is a claim, sco
 probability that it is right.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 from vrchain.errors import ImageError
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
-from vrchain.landmarks.common import CommonLandmark, Comparison, Region, view_box
+from vrchain.landmarks.common import CommonLandmark, Comparison, Region, view_boxes
 from vrchain.landmarks.constellation import (
     Constellation,
     ConstellationConfig,
@@ -102,8 +103,8 @@ def compare_joint(
     few = min(len(a.proposals), len(b.proposals))
     if chance_joined(heard, few, found.geometry) < config.min_joined:
         return Comparison((), found.geometry)
-    made = [claim(a, b, found, k, float(score[k])) for k in own if score[k] >= config.min_score]
-    return Comparison(tuple(made), found.geometry)
+    chosen = [k for k in own if score[k] >= config.min_score]
+    return Comparison(tuple(claims_of(a, b, found, chosen, score)), found.geometry)
 
 
 @dataclass(frozen=True, eq=False)
@@ -315,29 +316,31 @@ def _agree(exact: PlanarGeometry, rough: PlanarGeometry, within_rad: float) -> b
     return turned < within_rad and aside < within_rad + 3 * rough.direction_std_rad
 
 
-def claim(
-    a: LandmarkRecord,
-    b: LandmarkRecord,
-    found: Candidates,
-    k: int,
-    score: float,
-) -> CommonLandmark:
-    """The claim of the pair ``k``; score: that it is right."""
-    i, j = found.pairs[k]
-    bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
-    support_a, support_b = found.support[k]
-    spots_a, spots_b = found.spots[k]
-    return CommonLandmark(
-        score,
-        region_of(a.proposals, int(i), a.rig),
-        region_of(b.proposals, int(j), b.rig),
-        support_a,
-        support_b,
-        found.geometry.ranges(*bearings) if found.geometry else None,
-        _spoken_for(a, int(i), spots_a, support_a),
-        _spoken_for(b, int(j), spots_b, support_b),
-        len(spots_a),
-    )
+def claims_of(
+    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, chosen: Sequence[int], score: Array
+) -> list[CommonLandmark]:
+    """The claims of the chosen pairs; score: (n,) that each of all pairs is right."""
+    own = found.pairs[list(chosen)]
+    regions = (regions_of(r.proposals, k, r.rig) for r, k in zip((a, b), own.T, strict=True))
+    made = []
+    for k, (i, j), region_a, region_b in zip(chosen, own.tolist(), *regions, strict=True):
+        bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
+        support_a, support_b = found.support[k]
+        spots_a, spots_b = found.spots[k]
+        made.append(
+            CommonLandmark(
+                float(score[k]),
+                region_a,
+                region_b,
+                support_a,
+                support_b,
+                found.geometry.ranges(*bearings) if found.geometry else None,
+                _spoken_for(a, i, spots_a, support_a),
+                _spoken_for(b, j, spots_b, support_b),
+                len(spots_a),
+            )
+        )
+    return made
 
 
 def _spoken_for(
@@ -349,10 +352,10 @@ def _spoken_for(
     return np.concatenate([own.spots.directions[spots], own.features.directions[keypoints]])
 
 
-def region_of(proposals: Proposals, index: int, rig: CameraRig) -> Region:
-    """The region of a proposal, in the view that looks at it most directly."""
-    right, left, low, high = proposals.box[index]
-    return view_box(float((left + right) / 2), float(left - right), (float(low), float(high)), rig)
+def regions_of(proposals: Proposals, index: NDArray[np.int64], rig: CameraRig) -> list[Region]:
+    """The regions of proposals (n,), each in the view that looks at it most directly."""
+    right, left, low, high = proposals.box[index].T
+    return view_boxes(np.stack([(left + right) / 2, left - right, low, high], axis=1), rig)
 
 
 def mask_of(proposals: Proposals, index: int, rig: CameraRig) -> Array:

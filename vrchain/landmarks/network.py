@@ -46,10 +46,14 @@ class Convolution(nn.Module):
         self.before, self.after = reach // 2, reach - reach // 2
 
     def forward(self, x: Tensor) -> Tensor:
-        if self.before or self.after:
-            x = (_ring if torch.is_grad_enabled() else _ring_copied)(x, self.before, self.after)
-        found: Tensor = self.conv(x)
+        found: Tensor = self.conv(self.ringed(x))
         return found
+
+    def ringed(self, x: Tensor) -> Tensor:
+        """With all that the kernel reaches beyond the picture."""
+        if not self.before and not self.after:
+            return x
+        return (_ring if torch.is_grad_enabled() else _ring_copied)(x, self.before, self.after)
 
 
 def _ring(x: Tensor, before: int, after: int) -> Tensor:
@@ -88,8 +92,15 @@ class Block(nn.Module):
         self.project = Convolution(inner, out)
 
     def forward(self, x: Tensor) -> Tensor:
-        inner = x if self.expand is None else _relu6(self.expand(x))
-        out: Tensor = self.project(_relu6(self.filter(inner)))
+        if self.expand is None:
+            inner = self.filter.ringed(x)
+        elif torch.is_grad_enabled():
+            inner = self.filter.ringed(_relu6(self.expand(x)))
+        else:  # the same, and a sixth to copy
+            inner = _relu6(self.expand(self.filter.ringed(x)))
+            inner[:, :, : self.filter.before] = 0
+            inner[:, :, inner.shape[2] - self.filter.after :] = 0
+        out: Tensor = self.project(_relu6(self.filter.conv(inner)))
         return out + x if out.shape == x.shape else out
 
 
@@ -189,7 +200,8 @@ class Network(nn.Module):
         answers = dict(zip(ANSWERS, found.split(list(ANSWERS.values()), dim=1), strict=True))
         embedding = answers["embedding"] + looks[0] + _twice(looks[1] + _twice(looks[2]))
         if not self.training:  # while it learns, ``centre`` is applied to whole landmarks
-            embedding = self.centre(embedding.flatten(2)).view_as(embedding)
+            c = self.centre
+            embedding = F.batch_norm(embedding, c.running_mean, c.running_var, eps=c.eps)
         answers["embedding"] = embedding
         answers["local"] = self.spots(stride_16, stride_8, torch.cat([stride_4, fine], 1)).float()
         return answers

@@ -69,11 +69,9 @@ def examine(
     """
     config = config or RecordConfig()
     proposals, local = propose(panorama, load_network(weights))
-
-    def keep(found: Features) -> NDArray[np.int64]:
-        return _kept(found, proposals, panorama.rig, config)
-
-    kept = extract(panorama, keep) if features is None else features.take(keep(features))
+    if features is None:
+        features = extract(panorama)
+    kept = features.take(_kept(features, proposals, panorama.rig, config))
     spots = spots_of(proposals, panorama.rig, descriptors_of(proposals, local))
     return LandmarkRecord(panorama.rig, maker_of(weights, config), proposals, kept, spots)
 

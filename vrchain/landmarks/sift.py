@@ -3,7 +3,6 @@
 Lowe (2004), "Distinctive Image Features from Scale-Invariant Keypoints".
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import cv2
@@ -59,39 +58,20 @@ class Features:
         return np.column_stack([self.bearing_rad, self.slope])
 
 
-Keep = Callable[[Keypoints], NDArray[np.int64]]
-KeepFeatures = Callable[[Features], NDArray[np.int64]]
-
-
-def detect(image_rgb: NDArray[np.uint8], keep: Keep | None = None) -> Keypoints:
-    """SIFT with OpenCV's defaults and no limit on the number of keypoints.
-
-    keep: of all, still without descriptors, those to describe; few take half as long as all.
-    """
-    grey, sift = cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY), cv2.SIFT.create()
-    if keep is None:
-        found, descriptors = sift.detectAndCompute(grey, None)
-    else:
-        found, descriptors = sift.detect(grey, None), None
+def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
+    """SIFT with OpenCV's defaults and no limit on the number of keypoints."""
+    grey = cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY)
+    found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
     xy_px = np.array([k.pt for k in found], dtype=float).reshape(-1, 2)
     size_px = np.array([k.size for k in found])
-    if keep is not None and len(found) > 0:
-        own = keep(Keypoints(xy_px, size_px, np.empty((len(found), 0), dtype=np.uint8)))
-        xy_px, size_px = xy_px[own], size_px[own]
-        # with the smallest of all, so that OpenCV halves the same picture again and again
-        described = [found[i] for i in own] + [min(found, key=lambda k: k.size)]
-        descriptors = sift.compute(grey, described)[1][:-1]
     if descriptors is None:
-        return Keypoints(xy_px, size_px, np.empty((0, 128), dtype=np.uint8))
+        descriptors = np.empty((0, 128))
     return Keypoints(xy_px, size_px, descriptors.astype(np.uint8))
 
 
-def extract(panorama: Panorama, keep: KeepFeatures | None = None) -> Features:
-    """The features of a panorama, found on its cylinder; nothing is cut at the seam.
-
-    keep: of all, still without descriptors, the indices of those to describe.
-    """
-    return _on_columns(panorama, 0, panorama.cylinder.shape[1], keep)
+def extract(panorama: Panorama) -> Features:
+    """The features of a panorama, found on its cylinder; nothing is cut at the seam."""
+    return _on_columns(panorama, 0, panorama.cylinder.shape[1])
 
 
 def extract_near(panorama: Panorama, bearing_rad: float, half_rad: float) -> Features:
@@ -110,33 +90,20 @@ def extract_near(panorama: Panorama, bearing_rad: float, half_rad: float) -> Fea
     return replace(found, bearing_rad=wrap_angle_rad(found.bearing_rad)).near(bearing_rad, half_rad)
 
 
-def _on_columns(
-    panorama: Panorama, first: int, wide: int, keep: KeepFeatures | None = None
-) -> Features:
+def _on_columns(panorama: Panorama, first: int, wide: int) -> Features:
     """Features on so many columns of the cylinder from the first on, round where it is closed."""
     rig, image = panorama.rig, panorama.cylinder
     pad = min(_SEAM_PX, wide) if rig.closed else 0
     columns = np.arange(first - pad, first + wide + pad) % image.shape[1]
-
-    def inside(found: Keypoints) -> NDArray[np.int64]:
-        column = found.xy_px[:, 0] - pad
-        return np.flatnonzero((column >= -0.5) & (column < wide - 0.5))
-
-    def features(found: Keypoints, own: NDArray[np.int64]) -> Features:
-        x_px, y_px = found.xy_px[own].T
-        return Features(
-            rig.bearing_of_column(x_px - pad + first),
-            rig.slope_of_row(y_px),
-            found.size_px[own] / rig.px_per_rad,
-            found.descriptors[own],
-        )
-
-    def chosen(found: Keypoints) -> NDArray[np.int64]:
-        own = inside(found)
-        return own if keep is None else own[keep(features(found, own))]
-
-    found = detect(image[:, columns], None if keep is None else chosen)
-    return features(found, inside(found))
+    found = detect(image[:, columns])
+    column = found.xy_px[:, 0] - pad
+    own = (column >= -0.5) & (column < wide - 0.5)
+    return Features(
+        rig.bearing_of_column(column[own] + first),
+        rig.slope_of_row(found.xy_px[own, 1]),
+        found.size_px[own] / rig.px_per_rad,
+        found.descriptors[own],
+    )
 
 
 def root(descriptors: NDArray[np.uint8]) -> NDArray[np.float32]:
@@ -171,7 +138,10 @@ def mutual_matches(
     first_a, second_a = np.full((2, len(b)), np.inf, dtype=np.float32)
     for start in range(0, len(a), _ROWS_A_PASS):
         rows = slice(start, start + _ROWS_A_PASS)
-        square = norm_a[rows, None] + norm_b[None, :] - 2 * (wide_a[rows] @ wide_b.T)
+        square = wide_a[rows] @ wide_b.T
+        square *= -2.0  # in place: new memory takes longer than the sums
+        square += norm_a[rows, None]
+        square += norm_b
         index, first, second = _two_smallest(square)
         nearest_b[rows], clear_b[rows] = index, first < ratio**2 * second
         index, first, second = _two_smallest(square.T)

@@ -14,6 +14,7 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
 from vrchain.experiments.results import ADVERTISED, Results
+from vrchain.memory import keep_freed_memory
 from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 
@@ -31,6 +32,7 @@ def figure_names(scripts: Path = FIGURES) -> list[str]:
 
 def run_script(script: str, draw: Draw) -> None:
     """What a script does when it is run by itself; see ``Results.here`` for the profile."""
+    keep_freed_memory()
     path = Path(script)
     figure, table = draw(Results.here())
     save_figure(figure, table, path.resolve().with_suffix(""))

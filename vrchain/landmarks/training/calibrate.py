@@ -19,7 +19,7 @@ from vrchain.landmarks.joint import (
     Candidates,
     JointConfig,
     candidates,
-    claim,
+    claims_of,
     distinct,
     mask_of,
 )
@@ -123,7 +123,8 @@ class _Weighed:
 
 
 def _verdicts(truth: GroundTruth, a: Sight, b: Sight, found: Candidates) -> list[Verdict]:
-    made = [claim(a.record, b.record, found, k, 1.0) for k in range(len(found.pairs))]
+    n = len(found.pairs)
+    made = claims_of(a.record, b.record, found, range(n), np.ones(n))
     return judge(
         Comparison(tuple(made), found.geometry), truth, (a.pose, b.pose),
         (a.record.features, b.record.features), a.record.rig,
