@@ -186,8 +186,13 @@ def _cylinder_maps(rig: CameraRig) -> list[tuple[slice | NDArray[np.int64], NDAr
     for view in range(rig.n_views):
         own = np.flatnonzero(owner == view)
         x_px, y_px = rig.project(view, bearing[own][None, :], slope[:, None])
+        whole = own[-1] - own[0] < len(own)  # one stretch is written faster
         maps.append(
-            (own, np.broadcast_to(x_px, y_px.shape).astype(np.float32), y_px.astype(np.float32))
+            (
+                slice(own[0], own[-1] + 1) if whole else own,
+                np.broadcast_to(x_px, y_px.shape).astype(np.float32),
+                y_px.astype(np.float32),
+            )
         )
     return maps
 

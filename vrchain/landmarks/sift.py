@@ -60,7 +60,10 @@ class Features:
 
 def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
     """SIFT with OpenCV's defaults and no limit on the number of keypoints."""
-    grey = cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY)
+    return _detect(cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY))
+
+
+def _detect(grey: NDArray[np.uint8]) -> Keypoints:
     found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
     xy_px = np.array([k.pt for k in found], dtype=float).reshape(-1, 2)
     size_px = np.array([k.size for k in found])
@@ -95,7 +98,7 @@ def _on_columns(panorama: Panorama, first: int, wide: int) -> Features:
     rig, image = panorama.rig, panorama.cylinder
     pad = min(_SEAM_PX, wide) if rig.closed else 0
     columns = np.arange(first - pad, first + wide + pad) % image.shape[1]
-    found = detect(image[:, columns])
+    found = _detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).take(columns, axis=1))
     column = found.xy_px[:, 0] - pad
     own = (column >= -0.5) & (column < wide - 0.5)
     return Features(
