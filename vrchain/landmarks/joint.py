@@ -31,7 +31,7 @@ from vrchain.landmarks.proposer import Proposals, overlaps
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
 from vrchain.landmarks.record import LandmarkRecord, owners
 from vrchain.landmarks.sift import mutual_matches
-from vrchain.landmarks.spots import Matched, Spots, matched, matched_within
+from vrchain.landmarks.spots import Matched, Spots, by_owner, matched, matched_within
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
@@ -237,8 +237,10 @@ def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:
 
 def _inside(a: LandmarkRecord, b: LandmarkRecord, pairs: NDArray[np.int64]) -> list[Matched]:
     """The keypoints of each pair's proposals."""
-    owner_a, owner_b = (owners(r.rig, r.proposals, r.features) for r in (a, b))
-    return [(np.flatnonzero(owner_a == i), np.flatnonzero(owner_b == j)) for i, j in pairs]
+    own_a, own_b = (
+        by_owner(owners(r.rig, r.proposals, r.features), len(r.proposals)) for r in (a, b)
+    )
+    return [(own_a[i], own_b[j]) for i, j in pairs]
 
 
 def _anywhere(a: LandmarkRecord, b: LandmarkRecord, config: JointConfig) -> Matched:

@@ -60,7 +60,11 @@ class Features:
 
 def detect(image_rgb: NDArray[np.uint8]) -> Keypoints:
     """SIFT with OpenCV's defaults and no limit on the number of keypoints."""
-    return _detect(cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY))
+    return _detect(_grey(image_rgb))
+
+
+def _grey(image_rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    return np.asarray(cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY), dtype=np.uint8)
 
 
 def _detect(grey: NDArray[np.uint8]) -> Keypoints:
@@ -98,7 +102,7 @@ def _on_columns(panorama: Panorama, first: int, wide: int) -> Features:
     rig, image = panorama.rig, panorama.cylinder
     pad = min(_SEAM_PX, wide) if rig.closed else 0
     columns = np.arange(first - pad, first + wide + pad) % image.shape[1]
-    found = _detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).take(columns, axis=1))
+    found = _detect(_grey(image).take(columns, axis=1))
     column = found.xy_px[:, 0] - pad
     own = (column >= -0.5) & (column < wide - 0.5)
     return Features(

@@ -113,7 +113,7 @@ def matched_within(
     And how alike they are: the cosine.
     """
     owned_a, owned_b = (
-        _by_owner(s, int(k) + 1) for s, k in zip((a, b), pairs.max(axis=0), strict=True)
+        by_owner(s.owner, int(k) + 1) for s, k in zip((a, b), pairs.max(axis=0), strict=True)
     )
     wide_a, wide_b = a.unit, b.unit
     return matched_under(
@@ -122,7 +122,7 @@ def matched_within(
     )  # fmt: skip
 
 
-def _by_owner(spots: Spots, n: int) -> list[NDArray[np.int64]]:
-    """The spots of each of n proposals."""
-    ends = np.cumsum(np.bincount(spots.owner, minlength=n))
-    return np.split(np.argsort(spots.owner, kind="stable"), ends)
+def by_owner(owner: NDArray[np.int64], n: int) -> list[NDArray[np.int64]]:
+    """The places of each of n owners; -1: nobody's."""
+    ends = np.cumsum(np.bincount(owner + 1, minlength=n + 1))
+    return np.split(np.argsort(owner, kind="stable"), ends)[1:]
