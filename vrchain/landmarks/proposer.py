@@ -205,18 +205,28 @@ def overlaps(
 
     ``period``: the columns of a full turn, where there is one.
     """
-    middle_a, middle_b = ((x[:, 0] + x[:, 2]) / 2 for x in (a, b))
-    apart = middle_b[None, :] - middle_a[:, None]
+    return _overlaps(_shape(a)[:, :, None], _shape(b)[:, None], period)
+
+
+def _shape(boxes: NDArray[np.floating]) -> NDArray[np.floating]:
+    """Of boxes (n, 4): middle, half the width, top, bottom, area. (5, n)."""
+    left, top, right, bottom = boxes.T
+    width = right - left
+    return np.stack([(left + right) / 2, width / 2, top, bottom, width * (bottom - top)])
+
+
+def _overlaps(
+    a: NDArray[np.floating], b: NDArray[np.floating], period: float | None
+) -> NDArray[np.floating]:
+    """The same of shapes (5, ...), each of A with each of B."""
+    (middle_a, half_a, top_a, bottom_a, area_a), (middle_b, half_b, top_b, bottom_b, area_b) = a, b
+    apart = middle_b - middle_a
     if period is not None:
         apart = (apart + period / 2) % period - period / 2
-    half_a, half_b = ((x[:, 2] - x[:, 0]) / 2 for x in (a, b))
-    width = np.minimum(half_a[:, None], apart + half_b) - np.maximum(
-        -half_a[:, None], apart - half_b
-    )
-    height = np.minimum(a[:, None, 3], b[:, 3]) - np.maximum(a[:, None, 1], b[:, 1])
+    width = np.minimum(half_a, apart + half_b) - np.maximum(-half_a, apart - half_b)
+    height = np.minimum(bottom_a, bottom_b) - np.maximum(top_a, top_b)
     common = width.clip(0) * height.clip(0)
-    area_a, area_b = ((x[:, 2] - x[:, 0]) * (x[:, 3] - x[:, 1]) for x in (a, b))
-    found: NDArray[np.floating] = common / (area_a[:, None] + area_b - common)
+    found: NDArray[np.floating] = common / (area_a + area_b - common)
     return found
 
 
@@ -225,11 +235,12 @@ def _one_of_each(
 ) -> NDArray[np.int64]:
     """Those candidates, surest first, that are not the same box as a surer one."""
     chosen = []
+    shape = _shape(boxes[candidates])
     while len(candidates):
-        surest, candidates = candidates[0], candidates[1:]
-        chosen.append(surest)
-        alike = overlaps(boxes[[surest]], boxes[candidates], period)[0]
-        candidates = candidates[alike <= _SAME_BOX]
+        chosen.append(candidates[0])
+        other = _overlaps(shape[:, :1], shape, period) <= _SAME_BOX
+        other[0] = False
+        candidates, shape = candidates[other], shape[:, other]
     return np.array(chosen, dtype=np.int64)
 
 
