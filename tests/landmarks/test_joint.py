@@ -11,7 +11,7 @@ pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
 from vrchain.errors import ImageError
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.gallery import gallery_of, partners, record_from, who_sees
+from vrchain.landmarks.gallery import Seen, gallery_of, named, partners, record_from, who_sees
 from vrchain.landmarks.joint import JointConfig, compare_joint, distinct
 from vrchain.landmarks.quality import judge
 from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, columns_of
@@ -158,6 +158,16 @@ def test_who_shares_a_landmark_with_me() -> None:
     assert [key for key, _ in found] == ["b"]
     assert partners(bare("black"), gallery_of({"b": b})) == []
     assert partners(a, gallery_of({})) == []
+
+
+def test_others_are_named_once_one_is_believed() -> None:
+    def seen(key: str, belief: float) -> Seen[str]:
+        found = Seen(key, 0, 15.0, 0.0, 0.0, None, None)
+        return replace(found, looks=(belief - found.belief) / 1.66)
+
+    a, b, c = seen("a", 0.1), seen("b", -2.9), seen("c", -3.1)
+    assert named([a, b, c]) == ["a", "b"]
+    assert named([b, c]) == named([]) == []
 
 
 def test_who_sees_what_a_picture_shows() -> None:

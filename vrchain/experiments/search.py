@@ -19,7 +19,7 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
-from vrchain.landmarks.gallery import gallery_of, who_sees
+from vrchain.landmarks.gallery import gallery_of, named, who_sees
 from vrchain.landmarks.recognition import find_goal, goal_of
 from vrchain.landmarks.record import LandmarkRecord, decode_record, encode_record, examine, maker_of
 from vrchain.landmarks.sift import Features, extract
@@ -30,7 +30,7 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
-FORMAT = 2
+FORMAT = 3
 WAYS = ("gallery", "sift")
 _DRAWS, _INTERVAL = 2000, (2.5, 97.5)
 
@@ -179,7 +179,7 @@ def _take(panorama: Panorama, truth: GroundTruth, pose: Pose) -> _Taken:
 def _by_gallery(among: dict[int, _Taken], pictures: list[Panorama]) -> list[int]:
     what = sought([examine(p) for p in pictures])
     gallery = gallery_of({n: t.record for n, t in among.items()})
-    return [seen.key for seen in who_sees(what, gallery) if seen.belief > 0]
+    return named(who_sees(what, gallery))
 
 
 def _by_sift(among: dict[int, _Taken], pictures: list[Panorama]) -> list[int]:

@@ -39,6 +39,7 @@ Key = TypeVar("Key")
 # over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas of
 # seeds 1001 and 1002, the likeliest of each goal; three units stricter: nobody is an answer too.
 _BELIEF = np.array([-36.0, 1.66, 2.74, 0.56, 1.03, 1.9])
+_STRICTER = 3.0  # than likelier than not; once one is believed, the others need not be so sure
 _AMONG = 10  # proposals of a panorama, the most alike, whose spots are compared
 _SHORT = 40  # panoramas looked at more closely
 
@@ -120,8 +121,8 @@ class Seen(Generic[Key]):
     """A panorama that may show what was sought.
 
     looks, alike: how much its proposal looks like it as a whole, and by its spots; see ``Sought``.
-    sighting, spotted: where its keypoints, and its spots, agree that it is. belief: log-odds that
-    it does show it, by all of them; it does above 0.
+    sighting, spotted: where its keypoints, and its spots, agree that it is. belief: how
+    surely it does show it, by all of them, in log-odds: see ``named``.
     """
 
     key: Key
@@ -179,6 +180,13 @@ def who_sees(
         range_m, looks_k = float(record.proposals.range_m[k]), float(looks[begins[n] + k])
         found.append(Seen(gallery.keys[n], k, range_m, looks_k, alike_k, *sightings))
     return sorted(found, key=lambda s: -s.belief)
+
+
+def named(found: Sequence[Seen[Key]]) -> list[Key]:
+    """Who is said to see it, the surest first: nobody, unless one of those found surely does."""
+    if not found or found[0].belief <= 0:
+        return []
+    return [seen.key for seen in found if seen.belief > -_STRICTER]
 
 
 def _sighted(
