@@ -90,7 +90,4 @@ def _load(file: Path, digest: str) -> "Network":
             f"{file} holds no weights of this network ({type(error).__name__}): "
             "make them by `vrchain train`"
         ) from error
-    for module in network.modules():
-        if isinstance(module, torch.nn.Conv2d):  # once, not on every pass
-            module.bfloat16()
     return network.to(memory_format=torch.channels_last).eval()  # type: ignore[call-overload]
