@@ -51,10 +51,12 @@ def test_a_failure_is_told_and_ends_all(jobs: int, tmp_path: Path) -> None:
 
 def test_ctrl_c_ends_all(tmp_path: Path) -> None:
     code = (
-        "from functools import partial; from pathlib import Path\n"
+        "import signal; from functools import partial; from pathlib import Path\n"
         "from test_workers import fail\n"
         "from vrchain.experiments.workers import each\n"
         "if __name__ == '__main__':\n"
+        # a shell lets what runs in the background ignore it
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         f"    each(partial(fail, Path({str(tmp_path)!r})), [2, 3, 4], 2, 'numbers')\n"
     )
     here = str(Path(__file__).parent)
