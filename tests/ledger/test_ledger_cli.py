@@ -11,9 +11,10 @@ import pytest
 from typer.testing import CliRunner
 
 from vrchain.cli.ledger import app
-from vrchain.errors import OutputError, VRChainError
+from vrchain.errors import ImageError, OutputError, VRChainError
 from vrchain.ledger import Ledger, errors
 from vrchain.panorama import CameraRig, Panorama, read_image
+from vrchain.seeding import generator
 
 
 @pytest.fixture(autouse=True)
@@ -85,6 +86,26 @@ def test_from_init_to_export() -> None:
         secret = path.read_bytes().splitlines()[1]
         assert secret not in stored
     assert b"PRIVATE" not in stored
+
+
+def test_the_folder_of_a_panorama_is_published_as_robots_do() -> None:
+    pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
+    from vrchain.landmarks.record import encode_record, examine
+
+    rig = CameraRig(n_views=4, width_px=96, height_px=64, field_of_view_deg=100.0)
+    views = generator(0, "a panorama").integers(0, 256, (4, 64, 96, 3), dtype=np.uint8)
+    seen = Panorama(rig, views)
+    Path("seen").mkdir()
+    seen.save(Path("seen"))
+    text("init", "L", "--member", "R1")
+    text("append", "L", "R1", "seen")
+    text("append", "L", "R1", "seen", "--landmarks", "payload")
+    with Ledger.open("L") as ledger:
+        first, last = ledger.history("R1")
+        assert ledger.payload(first.payload_digest) == seen.encode()
+        assert ledger.payload(first.landmarks_digest) == encode_record(examine(seen))
+        assert last.payload_digest == first.payload_digest
+        assert ledger.payload(last.landmarks_digest) == b"bytes"
 
 
 def test_text_for_people() -> None:
@@ -206,7 +227,7 @@ def test_one_robot_cannot_write_with_anothers_key() -> None:
         (["enroll", "L", "R2", "--keys", "nowhere"], errors.KeyFileError),
         (["append", "L", "R2", "payload"], errors.UnknownMemberError),
         (["append", "L", "R1", "missing"], errors.PayloadFileError),
-        (["append", "L", "R1", "L"], errors.PayloadFileError),
+        (["append", "L", "R1", "L"], ImageError),
         (["append", "L", "R1", "payload", "--reason", "why"], errors.RecordError),
         (["show", "missing"], errors.NotALedgerError),
         (["verify", "."], errors.NotALedgerError),

@@ -142,9 +142,12 @@ def append(
     keys: Keys = None,
     as_json: Json = False,
 ) -> None:
-    """Publish the bytes of FILE as ROBOT's, at the present time."""
-    payload = _read_payload(file)
+    """Publish the bytes of FILE as ROBOT's, at the present time.
+
+    The folder of a panorama will do too: it is published as robots do, its landmarks beside it.
+    """
     seen = _read_payload(landmarks) if landmarks else None
+    payload, seen = _panorama_in(file, seen) if file.is_dir() else (_read_payload(file), seen)
     with Ledger.open(ledger, writable=True) as opened:
         opened.refresh()
         reason = reason or ("time" if opened.latest(robot) else "start")
@@ -346,6 +349,15 @@ def _read_payload(file: Path) -> bytes:
     if len(payload) > MAX_PAYLOAD_BYTES:
         raise TooLargeError(f"expected a FILE of at most {MAX_PAYLOAD_BYTES} bytes: {file}")
     return payload
+
+
+def _panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
+    """A saved panorama as it is published, and its landmark record if that is not known."""
+    from vrchain.landmarks.record import encode_record, examine
+    from vrchain.panorama import Panorama
+
+    panorama = Panorama.load(folder)
+    return panorama.encode(), landmarks or encode_record(examine(panorama))
 
 
 def _hash(text: str) -> bytes:
