@@ -4,6 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
 
+import numpy as np
 import pytest
 import sights
 
@@ -56,6 +57,15 @@ def test_half_the_resolution_is_the_same_view() -> None:
     variant = variant_named("sift, half resolution")
     assert variant.name == at_half_resolution(sift()).name == "sift, half resolution"
     assert len(variant.keypoints(variant.look(panorama))) < len(extract(panorama))
+
+
+def test_fewer_keypoints_and_the_same_landmarks() -> None:
+    panorama = sights.look(Pose(0, 0, 0.5), sights.RIG)
+    every, fewer = variant_named("cnn+sift"), variant_named("cnn+sift, fewer keypoints")
+    one, other = every.look(panorama), fewer.look(panorama)
+    assert np.array_equal(one.proposals.embedding, other.proposals.embedding)
+    assert np.array_equal(one.spots.descriptors, other.spots.descriptors)
+    assert 0 < len(fewer.keypoints(other)) < len(every.keypoints(one))
 
 
 def test_other_weights_stand_beside_the_shipped_ones(tmp_path: Path) -> None:

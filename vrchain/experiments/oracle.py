@@ -14,7 +14,7 @@ from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.landmarks.joint import regions_of
 from vrchain.landmarks.proposer import Proposals
 from vrchain.landmarks.quality import Sights, shared
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.sift import NO_FEATURES
 from vrchain.navigation.eyes import Eyes, Look, surface_m
 from vrchain.navigation.goal import GoalSight, any_sight
 from vrchain.navigation.place_goal import ARRIVED_M, GoalPlace
@@ -28,7 +28,6 @@ _SAME, _ENOUGH = 0.99, 1000  # cosine of one thing with itself, and keypoints th
 _ALIKE = 10.0  # log-likelihood ratio of looks that prove it
 _CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
 _NONE = np.empty(0, dtype=np.int64)
-_NO_KEYPOINTS = Features(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 128), dtype=np.uint8))
 
 
 class Oracle:
@@ -115,7 +114,7 @@ class Oracle:
             np.array([_embedding(objects[i].name) for i in chosen], dtype=np.float32)
             .reshape(n, _DIMENSIONS), _NONE, _NONE,
         )  # fmt: skip
-        look = Look(self.rig, proposals, lambda: _NO_KEYPOINTS)
+        look = Look(self.rig, proposals, lambda: NO_FEATURES)
         self._taken[id(look)] = look, pose
         return look
 

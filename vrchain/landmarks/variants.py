@@ -20,13 +20,14 @@ from vrchain.errors import MissionError
 from vrchain.landmarks.calibration import load_calibration
 from vrchain.landmarks.common import Comparison, MatchConfig, check_comparable, compare
 from vrchain.landmarks.joint import JointConfig, compare_joint
-from vrchain.landmarks.record import LandmarkRecord, examine, maker_of
+from vrchain.landmarks.record import LandmarkRecord, examine, examine_quickly, maker_of
 from vrchain.landmarks.sift import Features, extract
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import CameraRig, Panorama
 
 DEFAULT = "cnn+sift"
 HALF = ", half resolution"
+FEWER = "cnn+sift, fewer keypoints"  # as robots under way look
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,8 @@ def variant_named(name: str, min_score: float | None = None) -> Variant:
     """
     if name.endswith(HALF):
         return at_half_resolution(variant_named(name.removesuffix(HALF), min_score))
+    if name == FEWER:
+        return replace(variant_named(DEFAULT, min_score), name=FEWER, look=examine_quickly)
     if name == "sift":
         return sift() if min_score is None else sift(min_score)
     if name in JOINT:
@@ -116,7 +119,7 @@ def variant_named(name: str, min_score: float | None = None) -> Variant:
         raise MissionError(f"no variant {name!r} to plug in: {error}") from error
     if not isinstance(found, Variant):
         raise MissionError(
-            f"no variant {name!r}: there are {'; '.join(['sift', *JOINT])}; these with "
+            f"no variant {name!r}: there are {'; '.join(['sift', *JOINT, FEWER])}; these with "
             f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
         )
     return found

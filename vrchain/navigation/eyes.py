@@ -14,8 +14,8 @@ from vrchain.landmarks.gallery import record_from
 from vrchain.landmarks.joined import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.joint import JointConfig, compare_joint
 from vrchain.landmarks.proposer import Proposals
-from vrchain.landmarks.record import LandmarkRecord, examine
-from vrchain.landmarks.sift import Features, extract, extract_near
+from vrchain.landmarks.record import LandmarkRecord, examine, examine_quickly
+from vrchain.landmarks.sift import NO_FEATURES, Features, extract, extract_near
 from vrchain.landmarks.spots import NO_SPOTS, Spots
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.panorama import CameraRig, Panorama
@@ -98,7 +98,11 @@ def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eye
         panorama = seen.panorama
         assert panorama is not None
         if not last or last[0][0] is not panorama:
-            made = look_at(examine(panorama, weights), lambda: panorama)
+            if seen.view_rad is None:
+                record = examine_quickly(panorama, weights)
+            else:  # a glance is compared with nothing
+                record = examine(panorama, weights, features=NO_FEATURES)
+            made = look_at(record, lambda: panorama)
             last[:] = [(panorama, in_robots_frame(made, seen))]
         return last[0][1]
 
