@@ -165,7 +165,7 @@ def test_others_are_named_once_one_is_believed() -> None:
         found = Seen(key, 0, 15.0, 0.0, 0.0, None, None)
         return replace(found, looks=(belief - found.belief) / 1.66)
 
-    a, b, c = seen("a", 0.1), seen("b", -2.9), seen("c", -3.1)
+    a, b, c = seen("a", 0.1), seen("b", -2.4), seen("c", -2.6)
     assert named([a, b, c]) == ["a", "b"]
     assert named([b, c]) == named([]) == []
 

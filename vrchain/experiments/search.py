@@ -30,7 +30,7 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
-FORMAT = 3
+FORMAT = 4
 WAYS = ("gallery", "sift")
 _DRAWS, _INTERVAL = 2000, (2.5, 97.5)
 

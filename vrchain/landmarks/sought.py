@@ -47,11 +47,24 @@ class Sought:
         if len(spots) == 0 or len(self.spots) == 0:
             return np.zeros(n)
         cosine = spots.unit @ self.spots.T
-        high_m = (spots.slope * proposals.range_m[spots.owner])[:, None]
-        most_m = _HEIGHT * np.maximum(np.abs(high_m), np.abs(self.height_m)) + _HEIGHT_M
-        cosine[np.abs(high_m - self.height_m) >= most_m] = 0.0
+        high_m = (spots.slope * proposals.range_m[spots.owner])[:, None].astype(np.float32)
+        height_m = self.height_m.astype(np.float32)
+        most_m = np.maximum(np.abs(high_m), np.abs(height_m))
+        most_m *= _HEIGHT  # in place: there may be a million
+        most_m += _HEIGHT_M
+        cosine *= np.abs(high_m - height_m) < most_m
         total = np.bincount(spots.owner, cosine.max(axis=1), n)
         return np.asarray(total / np.maximum(np.bincount(spots.owner, minlength=n), 1))
+
+    def also(self, sights: Sequence[tuple[LandmarkRecord, int]]) -> "Sought":
+        """The same, known by some proposals of panoramas too; the pictures stay."""
+        more = _of(sights)
+        return Sought(
+            np.concatenate([self.embedding, more.embedding]),
+            np.concatenate([self.spots, more.spots]),
+            np.concatenate([self.height_m, more.height_m]),
+            self.pictures,
+        )
 
 
 def worth_of(looks: Array, alike: Array) -> Array:
@@ -66,18 +79,22 @@ def depth(range_m: float) -> float:
 
 def sought(pictures: Sequence[LandmarkRecord]) -> Sought:
     """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
-    shown = [(p, k) for p, k in ((p, subject(p)) for p in pictures) if k is not None]
+    return _of([(p, k) for p, k in ((p, subject(p)) for p in pictures) if k is not None])
+
+
+def _of(sights: Sequence[tuple[LandmarkRecord, int]]) -> Sought:
+    """What is known of a landmark by proposals that show it, each of its record."""
     none = np.empty((0, 0), dtype=np.float32)
-    if not shown:
+    if not sights:
         return Sought(none, none, np.empty(0), ())
-    own = [p.spots.take(p.spots.owner == k) for p, k in shown]
+    own = [p.spots.take(p.spots.owner == k) for p, k in sights]
     return Sought(
-        np.stack([p.proposals.embedding[k] for p, k in shown]),
+        np.stack([p.proposals.embedding[k] for p, k in sights]),
         np.concatenate([spots.unit for spots in own]),
         np.concatenate(
-            [s.slope * p.proposals.range_m[k] for s, (p, k) in zip(own, shown, strict=True)]
+            [s.slope * p.proposals.range_m[k] for s, (p, k) in zip(own, sights, strict=True)]
         ),
-        tuple(p for p, _ in shown),
+        tuple(p for p, _ in sights),
     )
 
 
