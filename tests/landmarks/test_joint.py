@@ -11,6 +11,7 @@ pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
 from vrchain.errors import ImageError
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks import gallery
 from vrchain.landmarks.gallery import Seen, gallery_of, named, partners, record_from, who_sees
 from vrchain.landmarks.joint import JointConfig, compare_joint, distinct
 from vrchain.landmarks.quality import judge
@@ -168,6 +169,18 @@ def test_others_are_named_once_one_is_believed() -> None:
     a, b, c = seen("a", 0.1), seen("b", -2.4), seen("c", -2.6)
     assert named([a, b, c]) == ["a", "b"]
     assert named([b, c]) == named([]) == []
+
+
+def test_what_surely_shows_it_is_sought_too(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With pictures that look like half of it, by what the surest panorama shows of the rest."""
+    a, b = records()
+    picture = examine(Panorama(replace(RIG, n_views=1), pair()[1][0].views[:1]))
+    what, panoramas = sought([picture]), gallery_of({"a": a, "b": b, "black": bare("black")})
+    wider = {s.key: s for s in who_sees(what, panoramas)}
+    monkeypatch.setattr(gallery, "_MORE_SIDES", 0)
+    alone = {s.key: s for s in who_sees(what, panoramas)}
+    assert alone["a"].belief > 0 and wider["a"].alike > alone["a"].alike + 0.05
+    assert wider["b"].alike > alone["b"].alike
 
 
 def test_who_sees_what_a_picture_shows() -> None:

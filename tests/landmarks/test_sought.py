@@ -76,3 +76,21 @@ def test_where_there_is_nothing_nothing_is_sought_or_found() -> None:
     assert (what.looks(other.proposals.embedding, CALIBRATION) == -np.inf).all()
     assert (what.alike(other.proposals, other.spots) == 0).all()
     assert len(sought([other]).alike(bare.proposals, bare.spots)) == 0
+
+
+def test_what_is_seen_from_other_sides_too_looks_no_less_like_itself() -> None:
+    here = record(HERE)
+    p = here.proposals
+    for thing in range(len(CENTRES_M)):
+        what = sought([record(towards(thing, 7.0))])
+        bearing_rad = HERE.bearing_to_rad(CENTRES_M[thing])
+        own = int(np.abs(wrap_angle_rad(p.bearing_rad - bearing_rad)).argmin())
+        wider = what.also([(here, own)])
+        assert wider.pictures == what.pictures
+        assert len(wider.spots) == len(what.spots) + int((here.spots.owner == own).sum())
+        for one, other in (
+            (what.looks(p.embedding, CALIBRATION), wider.looks(p.embedding, CALIBRATION)),
+            (what.alike(p, here.spots), wider.alike(p, here.spots)),
+        ):
+            assert (other >= one - 1e-5).all()
+        assert wider.alike(p, here.spots)[own] > 0.99
