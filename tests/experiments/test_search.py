@@ -44,10 +44,16 @@ def test_figures_are_those_of_the_table() -> None:
     assert (own["n"], own["first_right"], own["nobody_right"]) == (4, 0.75, 0.75)
     assert own["first_right_ci"][0] < 0.75 < own["first_right_ci"][1] <= 1
     assert own["recall"] == pytest.approx(0.4) and own["ms_per_goal"] == pytest.approx(100)
+    assert own["precision"] == pytest.approx(0.8)
     assert found["sift"]["n"] == 1
     beside = found["side by side"]
     assert beside["times_faster"] == pytest.approx(40) and beside["n"] == 1
     assert (beside["recall_gallery"], beside["recall_sift"]) == (0.4, 0.2)
+
+
+def test_without_an_answer_there_is_no_precision() -> None:
+    silent = looked_up().assign(answered=0, found=0)
+    assert summarise(silent)["gallery"]["precision"] is None
 
 
 def test_without_sift_there_is_nothing_beside() -> None:

@@ -153,8 +153,9 @@ def search(
     for name, figures in summary.items():
         print(name)
         for figure, value in figures.items():
-            shown = [round(v, 3) for v in value] if isinstance(value, list) else round(value, 3)
-            print(f"  {figure}: {shown}")
+            if value is not None:
+                value = [round(v, 3) for v in value] if isinstance(value, list) else round(value, 3)
+            print(f"  {figure}: {'-' if value is None else value}")
 
 
 @app.command()

@@ -68,8 +68,9 @@ def evaluate(
 
 
 def summarise(found: pd.DataFrame) -> dict[str, dict]:
-    """By way: first_right and nobody_right with intervals, recall, ms a goal, and how many goals.
+    """By way: first_right and nobody_right with intervals, ms a goal, and how many goals.
 
+    precision and recall: of the panoramas answered; precision is None where none was.
     Intervals: 95 %, bootstrap over goals. ratio: how many times faster than SIFT, and recall of
     both, are of the goals that SIFT looked up as well.
     """
@@ -85,7 +86,8 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
             "first_right_ci": _interval(there.right),
             "nobody_right": float(gone.right.mean()),
             "nobody_right_ci": _interval(gone.right),
-            "recall": float(there.found.sum() / there.showing.sum()),
+            "precision": _share(there.found, there.answered),
+            "recall": _share(there.found, there.showing),
             "ms_per_goal": float(own.s.median() * 1e3),
         }
     both = found[found.groupby(["scene", "goal"]).way.transform("nunique") == len(WAYS)]
@@ -100,6 +102,11 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
             "recall_sift": float(recall["sift"]),
         }
     return summary
+
+
+def _share(part: pd.Series, whole: pd.Series) -> float | None:
+    """None: of nothing."""
+    return float(part.sum() / whole.sum()) if whole.sum() else None
 
 
 def _interval(right: pd.Series) -> list[float]:
