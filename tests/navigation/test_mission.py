@@ -244,7 +244,7 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
     ("trust", "why", "times"),
     [
         (1.0, "what R2, R3 saw is not the goal", 1),
-        (0.7, "what R3 sees is not the goal, as was found before", 2),  # joins are blamed first
+        (0.7, "R1 and R2 were not joined rightly", 2),  # joins are blamed first
     ],
 )
 def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(
@@ -283,6 +283,24 @@ def test_what_is_least_sure_is_blamed_for_leading_astray(
     again = ours.plan(look).route
     assert again is None if not join_is_blamed else again and again.robots == ("R1", "R3")
     assert ours.trust(pilot.look_around(), found.looks["R2"], nothing) == trust  # looked anew
+
+
+def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
+    """R2 is not sure, but R3 beside it is: then it was the join that led astray."""
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    eyes = replace(EYES, trust=lambda a, b, found: 0.97)
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    for surest, join_is_blamed in ((0.9, False), (0.99, True)):
+        ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
+        found = ours.plan(pilot.look_around())
+        assert found.route is not None
+        sights = {n: replace(s, chance=0.8) for n, s in found.goal_seen_by.items()}
+        other = ({"R2", "R3"} - {found.route.seen_by}).pop()
+        sights[other] = replace(sights[other], chance=surest)
+        ours.blame(found.route, replace(found, goal_seen_by=sights))
+        assert bool(ours.refuted) == join_is_blamed
+        assert ours.doubted == (set() if join_is_blamed else {b"R2", b"R3"})
 
 
 def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:

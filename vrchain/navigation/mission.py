@@ -139,8 +139,8 @@ class _Mission:
     def run(self) -> None:
         """Until it has arrived; GaveUp if it cannot."""
         fruitless = 0  # looks elsewhere since a route was driven
-        while len(self.pilot.looks) < self.config.max_looks:
-            look = self.pilot.look_around()
+        for _ in range(self.config.max_looks):
+            look = self.look()
             self.arrival.note(look)
             suspect = self.arrival.likeliest
             if suspect is not None and suspect.chance >= self.config.likely:
@@ -168,6 +168,12 @@ class _Mission:
                 self.explorer.drive_on()
                 fruitless += 1
         raise GaveUp(f"the goal was not found in {self.config.max_looks} looks around")
+
+    def look(self) -> Look:
+        """All around; the last look if the robot stands as it did: what was refuted of it holds."""
+        if self.own and self.own[0][0] == self.pilot.here:
+            return self.own[0][1]
+        return self.pilot.look_around()
 
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""
@@ -219,8 +225,10 @@ class _Mission:
             self.arrival.was_mistaken(goal)
             or any(np.hypot(*(goal.xy_m - before)) < _SAME_M for before in self.in_vain)
         ):
-            self.log("doubt", f"what {route.seen_by} sees is not the goal, as was found before")
-            self.doubted.add(found.published[route.seen_by].digest)
+            self.log(
+                "doubt", f"no goal is where {route.seen_by} should see it, as was found before"
+            )
+            self.blame(route, found)
             return False
         drove = False
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
@@ -270,13 +278,13 @@ class _Mission:
 
     def blame(self, route: Route, found: Plan) -> None:
         """What led to where no goal is: the join that is least sure, or the sight if it is less."""
+        same = {n for n in found.goal_seen_by if self.one_thing(found, route.seen_by, n)}
+        names = sorted({route.seen_by, *same})
         leg = min(route.legs, key=lambda leg: leg.trust)
-        if leg.trust < route.sighting.chance:
+        if leg.trust < max(found.goal_seen_by[name].chance for name in names):
             self.log("doubt", f"{leg.seen_by} and {leg.next_by} were not joined rightly")
             self.refuted.append((found.looks[leg.seen_by], found.looks[leg.next_by]))
             return
-        same = {n for n in found.goal_seen_by if self.one_thing(found, route.seen_by, n)}
-        names = sorted({route.seen_by, *same})
         self.log("doubt", f"what {', '.join(names)} saw is not the goal")
         self.doubted.update(found.published[name].digest for name in names)
 
