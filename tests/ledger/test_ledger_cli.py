@@ -100,12 +100,15 @@ def test_the_folder_of_a_panorama_is_published_as_robots_do() -> None:
     text("init", "L", "--member", "R1")
     text("append", "L", "R1", "seen")
     text("append", "L", "R1", "seen", "--landmarks", "payload")
+    Path("payload").write_bytes(b"")
+    text("append", "L", "R1", "seen", "--landmarks", "payload")
     with Ledger.open("L") as ledger:
-        first, last = ledger.history("R1")
+        first, last, bare = ledger.history("R1")
         assert ledger.payload(first.payload_digest) == seen.encode()
         assert ledger.payload(first.landmarks_digest) == encode_record(examine(seen))
         assert last.payload_digest == first.payload_digest
         assert ledger.payload(last.landmarks_digest) == b"bytes"
+        assert ledger.payload(bare.landmarks_digest) == b""  # what was given, and no other
 
 
 def test_text_for_people() -> None:

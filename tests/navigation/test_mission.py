@@ -223,6 +223,14 @@ def test_time_runs_out(limit_s: float) -> None:
     assert body.time_ns <= (limit_s + config.tick_s) * 1e9 + 1e6
 
 
+def test_looks_run_out() -> None:
+    config = MissionConfig(max_looks=3)
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    result, _ = drive(Plain(street().things[1:]), {}, goal=goal, config=config)
+    check_log(result, config)
+    assert result.reason == "the goal was not found in 3 looks around" and len(result.looks) == 3
+
+
 def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
     """R2 sees a thing that has an eighth of the goal's keypoints."""
     plain = Plain(

@@ -153,9 +153,13 @@ def search(
     for name, figures in summary.items():
         print(name)
         for figure, value in figures.items():
-            if value is not None:
-                value = [round(v, 3) for v in value] if isinstance(value, list) else round(value, 3)
-            print(f"  {figure}: {'-' if value is None else value}")
+            print(f"  {figure}: {_rounded(value)}")
+
+
+def _rounded(value: float | list[float] | None) -> float | list[float] | str:
+    if isinstance(value, list):
+        return [round(v, 3) for v in value]
+    return "-" if value is None else round(value, 3)
 
 
 @app.command()

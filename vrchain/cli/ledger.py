@@ -357,7 +357,9 @@ def _panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
     from vrchain.panorama import Panorama
 
     panorama = Panorama.load(folder)
-    return panorama.encode(), landmarks or encode_record(examine(panorama))
+    if landmarks is None:
+        landmarks = encode_record(examine(panorama))
+    return panorama.encode(), landmarks
 
 
 def _hash(text: str) -> bytes:

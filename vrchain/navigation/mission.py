@@ -139,7 +139,9 @@ class _Mission:
     def run(self) -> None:
         """Until it has arrived; GaveUp if it cannot."""
         fruitless = 0  # looks elsewhere since a route was driven
-        for _ in range(self.config.max_looks):
+        for _ in range(self.config.max_looks):  # not every round needs a new look
+            if len(self.pilot.looks) >= self.config.max_looks:
+                break
             look = self.look()
             self.arrival.note(look)
             suspect = self.arrival.likeliest
