@@ -33,6 +33,21 @@ class Pose:
         return float(np.hypot(*(np.asarray(point_xy_m, dtype=float)[:2] - self.xy_m)))
 
 
+def relative(a: Pose, b: Pose) -> Pose:
+    """Where B is in A's frame, both given in one frame."""
+    c, s = np.cos(a.yaw_rad), np.sin(a.yaw_rad)
+    x_m, y_m = b.xy_m - a.xy_m
+    turn_rad = wrap_angle_rad(b.yaw_rad - a.yaw_rad)
+    return Pose(float(c * x_m + s * y_m), float(c * y_m - s * x_m), float(turn_rad))
+
+
+def placed(a: Pose, b: Pose) -> Pose:
+    """Where B is in the frame that A is given in, B being given in A's."""
+    c, s = np.cos(a.yaw_rad), np.sin(a.yaw_rad)
+    x_m, y_m = a.x_m + c * b.x_m - s * b.y_m, a.y_m + s * b.x_m + c * b.y_m
+    return Pose(float(x_m), float(y_m), float(wrap_angle_rad(a.yaw_rad + b.yaw_rad)))
+
+
 def wrap_angle_rad(angle_rad: ArrayLike) -> NDArray[np.float64]:
     """Angles brought into [-pi, pi); same shape as given."""
     turned = (np.asarray(angle_rad, dtype=float) + np.pi) % (2 * np.pi)

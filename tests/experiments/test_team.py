@@ -1,3 +1,4 @@
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -9,7 +10,10 @@ from sights import RIG
 from vrchain.errors import SpecError
 from vrchain.experiments.task import Task, draw_task
 from vrchain.experiments.team import PublishingRobot, assemble, drive_to_places
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, relative
+from vrchain.landmarks.proposer import nothing
+from vrchain.landmarks.record import LandmarkRecord, decode_record
+from vrchain.landmarks.sift import NO_FEATURES
 from vrchain.ledger import Ledger, simulated_key, verify
 from vrchain.ledger.transaction import NO_BLOB
 from vrchain.panorama import CameraRig, Panorama
@@ -60,22 +64,31 @@ def test_a_robot_publishes_by_the_rules(tmp_path: Path) -> None:
     assert verify(tmp_path / "ledger").ok
 
 
-def test_landmarks_are_published_beside_the_panorama_where_they_are_asked_for(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+def test_landmarks_and_the_way_driven_are_published_where_they_are_asked_for(
+    tmp_path: Path,
 ) -> None:
-    monkeypatch.setattr("vrchain.experiments.team.encode_record", lambda record: record)
     simulator = Simulator(worlds.yard(), {"R1": Pose(0, 0), "R2": Pose(2, 2)}, seed=1, rig=RIG)
     members = {name: simulated_key(1, name).public for name in simulator.robots}
+    shown = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
     with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
-        described = assemble(simulator, ledger, 1, examine=lambda seen: b"what it shows")["R1"]
+        described = assemble(simulator, ledger, 1, RULES, lambda seen: shown)["R1"]
         plain = assemble(simulator, ledger, 1)["R2"]
-        described.observe(look=True), plain.observe(look=True)
-        newest = {name: ledger.latest(name) for name in ("R1", "R2")}
-        assert ledger.payload(newest["R1"].landmarks_digest) == b"what it shows"
-        assert newest["R2"].landmarks_digest == NO_BLOB
+        stood = [described.observe(look=True).odometry]
+        plain.observe(look=True)
+        assert ledger.latest("R2").landmarks_digest == NO_BLOB
         glance = described.observe(towards_rad=0.8)
         assert glance.panorama.rig.n_views == 1 and glance.view_rad == pytest.approx(np.pi / 4)
         assert len(described.publications) == 1  # a glance is not published
+        for _ in range(14):
+            described.drive(Drive(0.5, 0.1), 0.5)
+            seen = described.observe(look=True)
+            if len(described.publications) > len(stood):
+                stood.append(seen.odometry)
+        assert len(stood) >= 2
+        told = [
+            decode_record(ledger.payload(t.landmarks_digest)).moved for t in ledger.history("R1")
+        ]
+        assert told == [None, *(relative(a, b) for a, b in pairwise(stood))]
 
 
 def test_a_new_view_is_published(tmp_path: Path) -> None:

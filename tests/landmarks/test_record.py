@@ -1,7 +1,7 @@
 import json
 import struct
 import zlib
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import answers
 import numpy as np
@@ -54,6 +54,33 @@ def test_a_record_comes_back_as_it_was() -> None:
     for field in fields(before.spots):
         was, now = (getattr(r.spots, field.name) for r in (before, after))
         assert np.array_equal(was, now)
+
+
+def test_how_the_robot_moved_comes_back_and_changes_nothing_else() -> None:
+    plain, moved = record(), Pose(3.25, -0.5, 3.1)
+    told = replace(plain, moved=moved)
+    assert decode_record(encode_record(plain)).moved is None
+    assert decode_record(encode_record(told)).moved == moved
+    assert encode_record(replace(decode_record(encode_record(told)), moved=None)) == encode_record(
+        decode_record(encode_record(plain))
+    )
+
+
+@pytest.mark.parametrize(
+    "moved", [[1.0, 2.0], [1.0, 2.0, 0.5, 0.0], [np.nan, 0, 0], [0, np.inf, 0], [0, 0, 9.0],
+              [1e9, 0, 0], "far", {"x_m": 1}, [0, 0, None], 7]
+)  # fmt: skip
+def test_no_robot_moved_like_that(moved: object) -> None:
+    blob = encode_record(replace(record(), moved=Pose(1.0, 2.0, 0.5)))
+    said = json.dumps(moved, separators=(",", ":")).encode()
+    start = len(blob) - len(blob.split(b"VRLAND\x00\x02", 1)[1])
+    (length,) = struct.unpack(">I", blob[start : start + 4])
+    table = blob[start + 4 : start + 4 + length]
+    assert b"[1.0,2.0,0.5]" in table
+    table = table.replace(b"[1.0,2.0,0.5]", said)
+    other = blob[:start] + struct.pack(">I", len(table)) + table + blob[start + 4 + length :]
+    with pytest.raises(ImageError, match="unreadable"):
+        decode_record(other)
 
 
 def test_encoding_is_canonical() -> None:

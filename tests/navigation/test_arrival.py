@@ -97,3 +97,41 @@ def test_keypoints_without_its_looks_are_not_the_goal() -> None:
 
 def test_never_seen_is_never_sure() -> None:
     assert not is_sure()
+
+
+class BeforeABush(Standing):
+    """Something narrow stands 0.8 m ahead, what is wide 3.2 m."""
+
+    ways = SimpleNamespace(reach_m=7.9)
+
+    def __init__(self, front_m: float) -> None:
+        super().__init__()
+        self.driven_to: list[float] = []
+        self.front_m = front_m
+
+    def ahead_m(self, bearing_rad: float, half_width_rad: float = 0.1, of: Any = np.min) -> float:
+        return 0.8 if of is np.min else self.front_m
+
+    def stretch(self, xy_m: Any, *way: object) -> None:
+        self.driven_to.append(float(xy_m[0]))
+
+
+@pytest.mark.parametrize(
+    ("front_m", "half_width_rad", "driven_to"),
+    [
+        (3.2, 0.3, [2.2]),
+        (1.2, 0.3, []),  # it stands before the front itself
+        (8.0, 0.3, []),  # nothing is behind
+        (3.2, 0.1, []),  # the goal is narrow
+    ],
+)
+def test_a_bush_before_a_wide_goal_is_gone_round(
+    front_m: float, half_width_rad: float, driven_to: list[float]
+) -> None:
+    pilot = BeforeABush(front_m)
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    ours = Arrival(cast(Any, pilot), cast(Any, goal), lambda *args, **values: None)
+    sight = GoalSight(0.0, 10.0, 9.0, half_width_rad, 40, 3.0, 0.99)
+    place = Place(np.array([1.0, 0.0]), np.eye(2))
+    ours._draw_up(Suspect(place, 0.99, ((Pose(-9.0, 0.0), sight),)))
+    assert pilot.driven_to == pytest.approx(driven_to)

@@ -235,7 +235,7 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
     """R2 sees a thing that has an eighth of the goal's keypoints."""
     plain = Plain(
         (
-            Thing("double", GOAL_XY, looks="goal", share=0.12, visible_from=beyond(5.0)),
+            Thing("double", GOAL_XY, looks="goal", share=0.2, visible_from=beyond(5.0)),
             *street().things[1:],
         )
     )
@@ -249,15 +249,13 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
 
 
 @pytest.mark.parametrize(
-    ("trust", "why", "times"),
+    ("trust", "why"),
     [
-        (1.0, "what R2, R3 saw is not the goal", 1),
-        (0.7, "R1 and R2 were not joined rightly", 2),  # joins are blamed first
+        (1.0, "what R2, R3 saw is not the goal"),
+        (0.7, "R1 and R3 were not joined rightly"),  # joins are blamed first
     ],
 )
-def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(
-    trust: float, why: str, times: int
-) -> None:
+def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(trust: float, why: str) -> None:
     """R2 and R3 saw the goal where there is nothing any more."""
     then, now = street(), Plain(street().things[1:])
     index = PlainIndex(then, {**TEAM, "R3": Pose(9.0, 5.5, 1.0)})
@@ -266,7 +264,7 @@ def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(
     result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT, eyes=eyes)
     check_log(result, PATIENT)
     assert not result.arrived
-    assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == times
+    assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
     assert why in [d.why for d in result.decisions]
 
 
@@ -324,7 +322,7 @@ def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:
 
 
 def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
-    plain = Plain((Thing("double", (9.0, 5.0), looks="goal", share=0.1), *street().things[1:]))
+    plain = Plain((Thing("double", (9.0, 5.0), looks="goal", share=0.2), *street().things[1:]))
     goal = street().goal("goal", 3.9, 3.4, -2.6, 1.0)
     for others in ({}, {"R2": Pose(2.0, -3.0)}):
         result, _ = drive(plain, others, goal=goal, config=PATIENT)

@@ -7,12 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vrchain.errors import ImageError
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, relative
 from vrchain.landmarks.common import CommonLandmark, Comparison, Region, support_score
 from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.route import Plan, plan, worth
-from vrchain.navigation.stands import relative
 from vrchain.navigation.terms import Published, robot_of
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -24,6 +23,7 @@ class Shown:
 
     matches: int
     rig: CameraRig = field(default_factory=CameraRig)
+    record: None = None
 
 
 class StubGoal:

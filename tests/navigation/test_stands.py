@@ -7,10 +7,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from navigation.plains import RIG
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose, relative, wrap_angle_rad
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.epipolar import PlanarGeometry
-from vrchain.navigation.stands import Join, Joins, Pair, baseline_m, relative, stand_of
+from vrchain.navigation.stands import Join, Joins, Pair, baseline_m, stand_of
 from vrchain.seeding import generator
 
 THERE = Pose(20.0, 5.0, 2.0)
@@ -69,9 +69,9 @@ def test_what_others_deny_is_less_sure() -> None:
     joins[("a", "b")] = ELSEWHERE
     for pair in (("b", "c"), ("b", "d")):
         joins[pair] = Join(None, 0.0)
-    assert Joins(joins).trust(("a", "b")) < 0.15
+    assert Joins(joins).trust(("a", "b")) < 0.2
     joins[("b", "c")] = Join(Pose(50.0, 0.0, 0.0), 0.9)  # known to stand elsewhere: no better
-    assert Joins(joins).trust(("a", "b")) < 0.15
+    assert Joins(joins).trust(("a", "b")) < 0.2
 
 
 def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
@@ -86,7 +86,7 @@ def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
         ("a", "e"): Join(Pose(0.0, 0.0), 1.0),
         ("b", "e"): Join(relative(false.stand, Pose(0, 0)), 0.85),
     }
-    assert alone < 0.5
+    assert alone < 0.7
     assert Joins({**joins, **twice}).trust(("a", "b")) == alone
 
 

@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from navigation.plains import CALIBRATION, RIG, Plain, Thing
-from vrchain.geometry import Pose
-from vrchain.landmarks.common import CommonLandmark, Comparison, Region
-from vrchain.landmarks.epipolar import PlanarGeometry
+from navigation.plains import CALIBRATION, Plain, Thing
+from vrchain.geometry import Pose, relative
+from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.places import Place
 from vrchain.navigation.route import Leg, Route
+from vrchain.navigation.stands import Join, Joins
 from vrchain.navigation.targets import targets
 from vrchain.navigation.tracker import Tracker
 
@@ -31,9 +31,8 @@ def driven_to(
     ranges = HERE.distance_to_m(xy_m) / apart_m, NEXT.distance_to_m(xy_m) / apart_m
     landmark = CommonLandmark(0.9, region(HERE, xy_m), region(NEXT, xy_m), NONE, NONE, ranges)
     route = Route((Leg("R1", "R2", landmark, (b"", b"R2", 0), "N1"),), "R2", SIGHT, 0.8)
-    geometry = PlanarGeometry(0.0, 1.0, NONE.astype(bool), 0.01, apart_m / RIG.camera_height_m)
-    compared = {("R1", "R2"): Comparison((landmark,), geometry if joined else None)}
-    return targets(route, [EMPTY, EMPTY], compared, HERE, HERE, CALIBRATION)
+    joins = Joins({("R1", "R2"): Join(relative(HERE, NEXT) if joined else None, 0.9)})
+    return targets(route, [EMPTY, EMPTY], joins, {}, HERE, HERE, CALIBRATION)
 
 
 def test_a_landmark_on_the_way_is_driven_to_and_then_the_goal() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.experiments.task import Task
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, relative
 from vrchain.landmarks.record import LandmarkRecord, encode_record
 from vrchain.ledger import Ledger, SigningKey, simulated_key
 from vrchain.robot import Drive, Observation, UpdateMonitor, UpdateRules, steer
@@ -39,7 +39,8 @@ class Publication:
 class PublishingRobot:
     """A simulated robot's senses and wheels; whenever it looks, the update rules may publish.
 
-    examine: its landmarks are extracted before it signs, and published beside the panorama.
+    examine: its landmarks are extracted before it signs, and published beside the panorama, with
+    how it moved since the one before.
     """
 
     def __init__(
@@ -57,6 +58,7 @@ class PublishingRobot:
         self.publications: list[Publication] = []
         self.others: Callable[[], Mapping[str, Drive]] = dict  # what they do as this one drives
         self._looked: Observation | None = None
+        self._published: Pose | None = None  # where, by odometry, the last panorama was taken
 
     def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
         """What it senses now; a look all around publishes if a rule says so."""
@@ -91,7 +93,11 @@ class PublishingRobot:
     def _publish(self, seen: Observation, rule: str) -> None:
         assert seen.panorama is not None
         blob = seen.panorama.encode()
-        landmarks = None if self._examine is None else encode_record(self._examine(seen))
+        landmarks = None
+        if self._examine is not None:
+            before, self._published = self._published, seen.odometry
+            moved = None if before is None else relative(before, seen.odometry)
+            landmarks = encode_record(replace(self._examine(seen), moved=moved))
         entry = self._ledger.publish(
             self.name, self._key, blob, rule, seen.time_ns, landmarks=landmarks
         )

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError
+from vrchain.geometry import Pose
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.joint import JointConfig, compare_joint
@@ -96,12 +97,14 @@ def record_from(
     if the panorama is none.
     """
     taken = Panorama.decode(panorama)
+    moved: Pose | None = None
     if landmarks is not None:
         with contextlib.suppress(ImageError):
             stored = decode_record(landmarks)
             if stored.maker == maker_of(weights) and stored.rig == taken.rig:
                 return stored
-    return examine(taken, weights)
+            moved = stored.moved
+    return replace(examine(taken, weights), moved=moved)
 
 
 def partners(

@@ -7,14 +7,15 @@ import hashlib
 import json
 import struct
 import zlib
-from dataclasses import asdict, dataclass
+from collections.abc import Sequence
+from dataclasses import asdict, astuple, dataclass
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError, SpecError
-from vrchain.geometry import wrap_angle_rad
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.proposer import Proposals, propose
 from vrchain.landmarks.raster import CELL_PX, ROWS, cell_slopes, columns_of
 from vrchain.landmarks.sift import Features, extract
@@ -26,6 +27,7 @@ _MAGIC = b"VRLAND\x00\x02"
 _MAX_BYTES = 4_000_000
 _ANGLE = 2**15 / np.pi  # angles and slopes as 16-bit numbers
 _SLOPE = 2**13
+_FARTHEST_M = 10_000.0  # that a robot may have moved since the panorama before
 
 
 @dataclass(frozen=True)
@@ -41,7 +43,9 @@ class RecordConfig:
 class LandmarkRecord:
     """What is known of one panorama's landmarks.
 
-    maker: digest of the weights and the configuration; records of another are not compared.
+    maker: digest of the weights and the configuration; records of another are not compared. moved:
+    where the panorama was taken, in the frame of the robot's one before it, by its odometry; None
+    if it was the first, or nobody tells.
     """
 
     rig: CameraRig
@@ -49,6 +53,7 @@ class LandmarkRecord:
     proposals: Proposals
     features: Features
     spots: Spots = NO_SPOTS
+    moved: Pose | None = None
 
 
 def maker_of(weights: Path = SHIPPED, config: RecordConfig | None = None) -> str:
@@ -139,6 +144,8 @@ def encode_record(record: LandmarkRecord) -> bytes:
         "keypoints": len(f),
         "spots": list(record.spots.descriptors.shape),
     }
+    if record.moved is not None:
+        header["moved"] = list(astuple(record.moved))
     table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
     body = zlib.compress(b"".join(a.tobytes() for a in arrays), 6)
     return b"".join([_MAGIC, struct.pack(">I", len(table)), table, body])
@@ -155,6 +162,7 @@ def decode_record(blob: bytes) -> LandmarkRecord:
         rig, maker = CameraRig(**header["rig"]), str(header["maker"])
         n, d, k = (int(header[key]) for key in ("proposals", "embedded", "keypoints"))
         s, local = (int(x) for x in header["spots"])
+        moved = _moved(header["moved"]) if "moved" in header else None
         cells = ROWS // CELL_PX * (columns_of(rig) // CELL_PX)
         size = n * 9 * 4 + n + n * d + cells + k * (2 + 2 + 2 + 128) + s * local
         if min(n, k, s) < 0 or n > 254 or size > _MAX_BYTES or not 0 < min(d, local) <= 1024:
@@ -193,4 +201,12 @@ def decode_record(blob: bytes) -> LandmarkRecord:
     )
     if len(described(proposals)) != s:
         raise ImageError(f"landmark record: {s} spots described, not {len(described(proposals))}")
-    return LandmarkRecord(rig, maker, proposals, features, spots_of(proposals, rig, spots))
+    return LandmarkRecord(rig, maker, proposals, features, spots_of(proposals, rig, spots), moved)
+
+
+def _moved(numbers: Sequence[float]) -> Pose:
+    """ValueError for what no robot drives between two panoramas."""
+    x_m, y_m, yaw_rad = map(float, numbers)
+    if not np.hypot(x_m, y_m) <= _FARTHEST_M or not abs(yaw_rad) <= np.pi:
+        raise ValueError(f"moved by {x_m:g} m, {y_m:g} m, {yaw_rad:g} rad")
+    return Pose(x_m, y_m, yaw_rad)

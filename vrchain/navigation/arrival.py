@@ -28,6 +28,8 @@ _AHEAD_RAD = 0.15
 _SHAPE_M, _APART_M = 5.0, 2.0  # sights from nearer show no shape; from places nearer are one
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
+_FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
+_STEPS_ROUND = 10  # round that
 _LOOKS_FAR_M, _LATELY = 7.0, 3  # to where it looks to be, by so many of the latest sights
 _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
@@ -122,12 +124,12 @@ class Arrival:
         else:
             return self._give_up(suspect.place)
         if self._is_at(suspect.place):
-            self._draw_up(suspect.place)
+            self._draw_up(suspect)
             return True
         for seen in self._sides(suspect):
             suspect = self._close_in(seen)
             if self._is_at(suspect.place) and self._behind_this(suspect) is None:
-                self._draw_up(suspect.place)
+                self._draw_up(suspect)
                 return True
         return self._give_up(suspect.place)
 
@@ -255,14 +257,25 @@ class Arrival:
             return True
         return range_m <= reach_m and pilot.ahead_m(bearing, _AHEAD_RAD) <= reach_m + _FELT_M
 
-    def _draw_up(self, place: Place) -> None:
+    def _draw_up(self, suspect: Suspect) -> None:
         """As near as may be: what the range ring met may stand before the goal."""
-        pilot = self.pilot
+        pilot, place = self.pilot, suspect.place
         for _ in range(_STEPS_UP):
             if pilot.ahead_m(place.bearing_rad(pilot.here), _AHEAD_RAD) <= _DRAWN_UP_M:
                 break
             if pilot.stretch(place.xy_m, 0.5, 0.3) is None:
                 break
+        bearing = place.bearing_rad(pilot.here)
+        ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
+        front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
+        if ahead_m + _THIN_M < front_m < pilot.ways.reach_m and _width_m(suspect) >= _WIDE_M:
+            self.log("round", "something narrow stands before it")
+            course = pilot.here.yaw_rad + bearing
+            there = np.array([np.cos(course), np.sin(course)]) * (front_m - _DRAWN_UP_M)
+            there = pilot.here.xy_m + there
+            for _ in range(_STEPS_ROUND):
+                if pilot.stretch(there, 0.5, 0.5) is None:
+                    break
 
     def _felt(self, place: Place) -> Place:
         """The goal's side where the range ring meets something, once it is believed so near."""
@@ -292,6 +305,16 @@ class Arrival:
             return None
         there = np.median(places[-_LATELY:], axis=0)
         return there if self.pilot.here.distance_to_m(there) > _LOOKS_FAR_M else None
+
+
+def _width_m(suspect: Suspect) -> float:
+    """How wide it looks from where its shape is seen, none if it was not."""
+    widths = [
+        2 * np.tan(min(sight.half_width_rad, 1.0)) * sight.surface_m
+        for _, sight in suspect.sights
+        if sight.surface_m >= _SHAPE_M
+    ]
+    return float(np.median(widths)) if widths else 0.0
 
 
 def _near(known_xy_m: list[Array], place: Place) -> bool:

@@ -3,22 +3,24 @@
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from itertools import combinations
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, relative
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.pairing import bridges, partners
-from vrchain.navigation.stands import ORIGIN, Join, Joins, Pair, relative, stand_of
+from vrchain.navigation.stands import ORIGIN, Join, Joins, Pair, stand_of
 from vrchain.navigation.terms import Published
+from vrchain.navigation.trails import linked, trails
 
 _BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
-_UNSURE = (0.05, 0.95)  # a join of such a chance is checked by further comparisons
+_UNSURE = (0.05, 0.99)  # a join of such a chance is checked by further comparisons
 
 
 class Compared:
     """names: the robot's own panoramas, latest first, then the others, oldest first.
 
-    looks: what each shows; found: what two of them, in that order, have in common.
+    looks: what each shows; found: what two of them, in that order, have in common. trails: those
+    of one robot that its odometry links, which need not be compared.
     """
 
     def __init__(
@@ -36,6 +38,12 @@ class Compared:
         self._place = {name: k for k, name in enumerate(self.names)}
         stands = combinations(zip(own, stood, strict=False), 2)
         self._joins = {(a, b): Join(relative(p, q), 1.0) for (a, p), (b, q) in stands}
+        self.trails = trails(known, self.looks)
+        self._joins |= {
+            (a, b): Join(moved, 1.0) for trail in self.trails for a, b, moved in linked(trail)
+        }
+        self._left: list[Pair] = []  # not compared, the likeliest first
+        self._bridged = 0
 
     def in_order(self, a: str, b: str) -> Pair:
         """The two in the order of ``names``."""
@@ -55,18 +63,29 @@ class Compared:
 
     def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:
         """Those that are likely to have something in common; more, if that leaves seers cut off."""
-        pairs = list(combinations(self.names, 2))
+        pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self._own]
         pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
-        others = [pair for pair in partners(self.names, pairs) if pair[1] not in self._own]
-        rights = {pair: self.compare(*pair) for pair in others}
+        for pair in partners(self.names, pairs):
+            if pair not in self._joins and pair[1] not in self._own:
+                self.compare(*pair)
+        self._left = [pair for pair in pairs if pair not in self._joins]
+        self.bridge(seers)
+
+    def bridge(self, seers: Set[str]) -> bool:
+        """Compare what may join those that see the goal to the robot's own; False: nothing may."""
         if not seers:
-            return
-        before = self._index.n_compared
-        left = (pair for pair in pairs if pair not in rights and pair[1] not in self._own)
+            return False
+        joins = self.joins()
+        rights = {pair: joins.trust(pair) for pair in self._joins}
+        left = [pair for pair in self._left if pair not in rights]
+        before, asked = self._index.n_compared, False
         for pair in bridges(self.names, left, rights, set(self._own), seers):
-            rights[pair] = self.compare(*pair)
-            if self._index.n_compared - before >= _BRIDGES:
-                return
+            asked, rights[pair] = True, self.compare(*pair)
+            self._bridged += self._index.n_compared - before
+            before = self._index.n_compared
+            if self._bridged >= _BRIDGES:
+                break
+        return asked
 
     def joins(self) -> Joins:
         """How panoramas were joined, by all comparisons so far and by odometry."""

@@ -1,5 +1,7 @@
 """Driving and looking: to a place by odometry, around what the range ring shows."""
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -51,9 +53,14 @@ class Pilot:
         self.now = self.body.observe(towards_rad=bearing_rad)
         return self.eyes.examine(self.now)
 
-    def ahead_m(self, bearing_rad: float, half_width_rad: float = 0.1) -> float:
-        """What the range ring shows around a bearing."""
-        return range_along_m(self.now.range_ring_m, bearing_rad, half_width_rad)
+    def ahead_m(
+        self,
+        bearing_rad: float,
+        half_width_rad: float = 0.1,
+        of: Callable[[Array], np.floating] = np.min,
+    ) -> float:
+        """What the range ring shows around a bearing: the shortest reading, or another one."""
+        return range_along_m(self.now.range_ring_m, bearing_rad, half_width_rad, of)
 
     def until_ns(self, place: Place) -> int:
         """When an approach to a place has taken too long."""
@@ -89,9 +96,12 @@ class Pilot:
 
 
 def range_along_m(
-    range_ring_m: NDArray[np.float64], bearing_rad: float, half_width_rad: float = 0.1
+    range_ring_m: Array,
+    bearing_rad: float,
+    half_width_rad: float = 0.1,
+    of: Callable[[Array], np.floating] = np.min,
 ) -> float:
-    """The shortest reading of a range ring within ``half_width_rad`` of a bearing."""
+    """The shortest reading, or another one, of a range ring within so much of a bearing."""
     beams = 2 * np.pi * np.arange(len(range_ring_m)) / len(range_ring_m)
     near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad
-    return float(range_ring_m[near].min()) if near.any() else float("inf")
+    return float(of(range_ring_m[near])) if near.any() else float("inf")

@@ -1,4 +1,6 @@
-"""Going and looking where the robot has not looked yet."""
+"""Going and looking where nobody has looked yet, as far as the robot knows."""
+
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -19,13 +21,19 @@ class Explorer:
         self._unreachable: list[Array] = []
         self._target: Array | None = None
 
-    def drive_on(self) -> None:
-        """Drive some way towards such a place; GaveUp if there is none."""
-        pilot, target = self.pilot, self._unseen()
+    def drive_on(self, others_xy_m: Sequence[Array] = ()) -> None:
+        """Drive some way towards such a place; GaveUp if there is none.
+
+        others_xy_m: where others have looked, which is left out while anything else is left.
+        """
+        pilot = self.pilot
+        target = self._unseen(others_xy_m)
+        if target is None and len(others_xy_m):
+            target = self._unseen(())
         if target is None:
             raise GaveUp("there is nowhere left to look from where I can get")
         if self._target is None or np.hypot(*(target - self._target)) > 1e-6:
-            self.log("explore", "going where I have not looked yet", len(pilot.looks) - 1)
+            self.log("explore", "going where nobody has looked yet", len(pilot.looks) - 1)
         self._target = target
         way_m = 0.0
         while way_m < pilot.config.look_every_m:
@@ -37,10 +45,10 @@ class Explorer:
                 return
             way_m += driven_m
 
-    def _unseen(self) -> Array | None:
-        """The nearest place far from all where it has looked; as before, if that is near."""
+    def _unseen(self, others_xy_m: Sequence[Array]) -> Array | None:
+        """The nearest place far from all looked-at ones; as before, if that is near."""
         pilot, apart_m = self.pilot, self.pilot.config.explore_m
-        known = np.array(pilot.looked + self._unreachable)
+        known = np.array([*pilot.looked, *self._unreachable, *others_xy_m])
         angle = np.arange(_TURNS) * 2 * np.pi / _TURNS
         rim = (apart_m + 1.0) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         places = (known[:, None] + rim).reshape(-1, 2)

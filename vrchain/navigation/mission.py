@@ -5,7 +5,7 @@ and looks elsewhere, and plans again. Every decision is logged with the panorama
 so that a mission can be read, and replayed in pictures.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,9 +21,9 @@ from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place, sighted
-from vrchain.navigation.route import LandmarkKey, Plan, Route, plan
-from vrchain.navigation.stands import ORIGIN, SURE, stand_of
-from vrchain.navigation.targets import asked, targets
+from vrchain.navigation.route import LandmarkKey, Leg, Plan, Route, plan
+from vrchain.navigation.stands import ORIGIN, SURE
+from vrchain.navigation.targets import targets
 from vrchain.navigation.terms import (
     Body,
     Decision,
@@ -37,9 +37,11 @@ from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
-_PATIENCE = 0.8  # times as sure need a route be, after each look elsewhere, to be worth driving
+_PATIENCE = 0.9  # times as sure need a route be, after each look elsewhere, to be worth driving
 _SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
-_BETTER = 1.2  # times as sure a route is taken instead of the one that is driven
+_BETTER = 1.2  # times as sure a route is taken instead of the one that is driven,
+_AFRESH = 0.8  # or so many times as sure a one by the same panoramas: from here more is known
+_DETOUR = 1.5  # times the straight way: so long a way of another robot's is not followed
 _OWN = 8  # latest looks from which a route may begin
 _MOVED_M = 1.0  # nearer to each other are looks from one place
 
@@ -102,6 +104,22 @@ def _left_of(route: Route, passed: int) -> Route:
     return replace(route, score=min(1.0, route.score / float(behind)))
 
 
+def _digests(route: Route, found: Plan) -> frozenset[bytes]:
+    """Of the others' panoramas that it leads by."""
+    return frozenset(found.published[n].digest for n in route.robots if n in found.published)
+
+
+def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool:
+    """Whether the way to a place is for nothing: what comes later is nearer, or far nearer so."""
+    way_m, last = place.range_m(here), place
+    for onward in later:
+        range_m = onward.range_m(here)
+        way_m, last = way_m + float(np.hypot(*(onward.xy_m - last.xy_m))), onward
+        if range_m < place.range_m(here) or (leg.by_odometry and way_m > _DETOUR * range_m):
+            return True
+    return False
+
+
 class _Mission:
     def __init__(
         self,
@@ -121,6 +139,7 @@ class _Mission:
         self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
         self.reached: set[LandmarkKey] = set()
+        self.bound_for: frozenset[bytes] = frozenset()  # panoramas of the route that is driven
         self.in_vain: list[Array] = []  # where the goal should have been
         self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
         self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
@@ -167,7 +186,7 @@ class _Mission:
                 if not self.config.explores:
                     raise GaveUp(why)
                 self.log("no route", why, len(self.pilot.looks) - 1)
-                self.explorer.drive_on()
+                self.explorer.drive_on(self.looked_by_others(found))
                 fruitless += 1
         raise GaveUp(f"the goal was not found in {self.config.max_looks} looks around")
 
@@ -190,6 +209,14 @@ class _Mission:
             [stood for stood, _, _ in latest],
         )  # fmt: skip
 
+    def looked_by_others(self, found: Plan) -> list[Array]:
+        """From where others, as far as that is sure, did not see the goal."""
+        own = {panorama_name(self.robot, k): stood for k, (stood, _, _) in enumerate(self.own)}
+        return [
+            pose.xy_m for name, pose in found.joins.reached(own).items()
+            if name in found.published and name not in found.goal_seen_by
+        ]  # fmt: skip
+
     def alike(self, a: Look, b: Look) -> float:
         """Asked of the same two again and again."""
         key = id(a), id(b)
@@ -210,7 +237,8 @@ class _Mission:
                 "ledger", f"{name} sees the goal", number, robot=name, matches=sight.n_matches,
                 chance=round(sight.chance, 2),
             )  # fmt: skip
-        names, n_landmarks = route.robots, len({leg.node for leg in route.legs})
+        names = route.robots
+        n_landmarks = len({leg.node for leg in route.legs if not leg.by_odometry})
         self.log(
             "route", f"{' - '.join(names)} - goal, by {n_landmarks} common landmarks", number,
             score=round(route.score, 3), trust=round(route.trust, 2),
@@ -219,9 +247,10 @@ class _Mission:
             own for k, own in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
         )
         self.plans.append((first, route))
+        self.bound_for = _digests(route, found)
         looks = [found.looks[name] for name in names]
         trackers, goal, lookout = targets(
-            route, looks, found.compared, begin, pilot.here, pilot.eyes.calibration
+            route, looks, found.joins, found.goal_seen_by, begin, pilot.here, pilot.eyes.calibration
         )
         if goal is not None and (
             self.arrival.was_mistaken(goal)
@@ -235,9 +264,8 @@ class _Mission:
         drove = False
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
-            nearest_m = min((p.range_m(pilot.here) for p in later), default=np.inf)
             same = drove and leg.node == route.legs[k - 2].node
-            if same or leg.key in self.reached or nearest_m < tracker.place.range_m(pilot.here):
+            if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
             left = _left_of(route, k - 1)
             if drove:
@@ -292,11 +320,8 @@ class _Mission:
 
     def one_thing(self, found: Plan, a: str, b: str) -> bool:
         """Whether what two surely joined panoramas take for the goal is in one place."""
-        if (a, b) not in found.compared and (b, a) not in found.compared:
-            return False
-        between, back = asked(a, b, found.compared)
-        stand = stand_of(ORIGIN, between, found.looks[a].rig, back)
-        if stand is None or self.trust(found.looks[a], found.looks[b], between) < SURE:
+        stand = found.joins.stand(a, b)
+        if stand is None or found.joins.trust((a, b)) < SURE:
             return False
         one, other = (
             sighted(pose, sight.bearing_rad, sight.surface_m).xy_m
@@ -316,7 +341,10 @@ class _Mission:
         if suspect is not None and suspect.chance >= self.config.likely:
             return suspect
         again = self.plan(look)
-        if again.route is None or again.route.score <= _BETTER * route.score:
+        if again.route is None:
+            return None
+        better = _BETTER if self.bound_for.isdisjoint(_digests(again.route, again)) else _AFRESH
+        if again.route.score <= better * route.score:
             return None
         if again.route.trust < min(route.trust, self.config.least_trust):
             return None

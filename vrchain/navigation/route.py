@@ -20,7 +20,7 @@ from vrchain.navigation.eyes import Look
 from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planner import Chain
-from vrchain.navigation.stands import Pair, baseline_m
+from vrchain.navigation.stands import Joins, Pair, baseline_m
 from vrchain.navigation.terms import Published, panorama_name
 from vrchain.panorama import CameraRig
 
@@ -29,8 +29,9 @@ _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
 _LEAST = 0.005  # chance to get on by a landmark, below which it is none: there are thousands
-_CHECKS = 4  # times a route is drawn up anew after its joins were checked
-_OWN_WAY = 0.98  # chance to find back, by odometry, to where an earlier panorama was taken
+_CHECKS = 8  # times a route is drawn up anew after its joins were checked
+_UNLIKELY = 0.5  # trust in a route, below which more is compared
+_BY_ODOMETRY = 0.98  # chance to get from where a robot took a panorama to where it took the next
 
 LandmarkKey = tuple[bytes, bytes, int]
 
@@ -50,6 +51,11 @@ class Leg:
     node: str
     chance: float = 1.0
     trust: float = 1.0
+
+    @property
+    def by_odometry(self) -> bool:
+        """Whether no landmark leads on, but the way that the robot which saw both drove."""
+        return self.landmark.a.bearing_rad is None
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +84,7 @@ class Plan:
 
     spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
     panorama is gone or is none. published: the panoramas that can be read, by name. looks: what
-    each panorama shows, the robot's own ones too; compared: what two of them have in common.
+    each panorama shows, the robot's own ones too; joins: where they were taken.
     """
 
     route: Route | None
@@ -88,7 +94,7 @@ class Plan:
     unreadable: tuple[str, ...]
     published: Mapping[str, Published] = field(default_factory=dict)
     looks: Mapping[str, Look] = field(default_factory=dict)
-    compared: Mapping[tuple[str, str], Comparison] = field(default_factory=dict)
+    joins: Joins = field(default_factory=lambda: Joins({}))
 
     @property
     def why_none(self) -> str:
@@ -152,8 +158,10 @@ def plan(
             pair: joins.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
             for pair in panoramas.found
         }
-        claims = [_way_back(a, b) for a, b in pairwise(own)]
-        claims += [c for c in _claims(panoramas.found, rights, current.rig) if key(c) not in failed]
+        ways = [tuple(own), *([name for name, _ in trail] for trail in panoramas.trails)]
+        claims = [_by_odometry(a, b) for way in ways for a, b in pairwise(way)]
+        claims += _claims(panoramas.found, rights, current.rig)
+        claims = [claim for claim in claims if key(claim) not in failed]
         chances = {name: sighting.chance for name, sighting in seen.items()}
         graph = landmark_graph(panoramas.names, claims, chances)
         chains = graph.planner.routes(
@@ -165,11 +173,15 @@ def plan(
 
     graph, found = routes()
     for _ in range(_CHECKS):
-        if not found or not panoramas.check((leg.seen_by, leg.next_by) for leg in found[0].legs):
+        legs = found[0].legs if found else ()
+        asked = panoramas.check((leg.seen_by, leg.next_by) for leg in legs)
+        if not asked and (not found or _weighed(found[0], panoramas).trust < _UNLIKELY):
+            asked = panoramas.bridge(set(seen))
+        if not asked:
             break
         graph, found = routes()
     best, spare = (_weighed(found[0], panoramas), found[1:]) if found else (None, ())
-    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.found)
+    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.joins())
 
 
 def _weighed(route: Route, panoramas: Compared) -> Route:
@@ -208,11 +220,12 @@ def _claims(
                 yield Claim(a, b, common, chance)
 
 
-def _way_back(a: str, b: str) -> Claim:
-    """From one own panorama to the one before: what odometry tells stands in for a landmark."""
+def _by_odometry(a: str, b: str) -> Claim:
+    """Between two panoramas of one robot: what its odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
     none = np.empty(0, dtype=np.int64)
-    return Claim(a, b, CommonLandmark(_OWN_WAY, nowhere, replace(nowhere), none, none), _OWN_WAY)
+    way = CommonLandmark(_BY_ODOMETRY, nowhere, replace(nowhere), none, none)
+    return Claim(a, b, way, _BY_ODOMETRY)
 
 
 def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:

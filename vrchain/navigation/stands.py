@@ -4,12 +4,12 @@ It is no chance if two rightly joined panoramas tell the same of a third; and if
 not know a third that, by the other's join with it, is near, that join is probably wrong.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.common import Comparison
 from vrchain.navigation.places import beyond
 from vrchain.panorama import CameraRig
@@ -17,13 +17,14 @@ from vrchain.panorama import CameraRig
 Pair = tuple[str, str]
 
 SURE = 0.8  # trust from which a join bears witness
-_TOLD = 0.1  # trust from which it is compared with what a witness says
+_TOLD, _FIRM = 0.05, 0.5  # trust below which it tells nothing, from which it tells for sure
 _NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the place of either
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
-# The odds times so much if two witnesses agree; with each of two that do not, if none does. By all
-# pairs of two patrols of seed 1003: of those of a chance between 0.2 and 0.5 (right: 0.34), 0.82
-# (n 11) and 0.11 (35) are right then, of those between 0.5 and 0.8 (0.84), 0.93 (40) and 0.33 (6).
-_FOR, _AGAINST, _HEARD = 9.0, 0.4, 2
+# The odds times so much for each witness that agrees, and for each that knows nothing of what
+# should be near, of so many, the nearest. By all joins of four patrols of seeds 1311 and 1312: of
+# the witnesses of right ones 0.84 agree and 0.05 know nothing, of wrong ones 0.003 and 0.85. The
+# odds are less than that says, as witnesses err together.
+_FOR, _AGAINST, _HEARD = 20.0, 0.4, 6
 ORIGIN = Pose(0.0, 0.0)
 
 
@@ -52,34 +53,47 @@ class Joins:
                 self._sure.setdefault(a, []).append(b)
                 self._sure.setdefault(b, []).append(a)
 
+    def stand(self, a: str, b: str) -> Pose | None:
+        """Where B was taken, in A's frame; None: nothing tells."""
+        join = self._joins.get((a, b))
+        return None if join is None else join.stand
+
+    def reached(self, known: Mapping[str, Pose]) -> dict[str, Pose]:
+        """Where panoramas were taken that hang together, by sure joins, with some whose place is
+        known.
+        """
+        found = dict(known)
+        waiting = list(found)
+        for here in waiting:  # grows
+            for there in self._sure.get(here, []):
+                stand = self._joins[here, there].stand
+                if there not in found and stand is not None and self.trust((here, there)) >= SURE:
+                    found[there] = placed(found[here], stand)
+                    waiting.append(there)
+        return found
+
     def trust(self, pair: Pair) -> float:
         """The chance that two were joined rightly, by what others say too."""
         join = self._joins[pair]
         if not 0 < join.trust < 1:
             return join.trust
-        said: dict[str, bool | None] = {}
-        for third, other, told in self._witnesses(pair):
-            said[third] = said.get(third) or self._agrees(third, other, told)
-        agreed = list(said.values())
+        said = [self._agrees(*witness) for witness in self._witnesses(pair)]
+        agreed = [answer for answer in said if answer is not None][:_HEARD]
         odds = join.trust / (1 - join.trust)
-        if agreed.count(True) >= _HEARD:
-            odds *= _FOR
-        elif True not in agreed:
-            odds *= _AGAINST ** min(_HEARD, agreed.count(False))
+        odds *= _FOR ** agreed.count(True) * _AGAINST ** agreed.count(False)
         return float(odds / (1 + odds))
 
     def unasked(self, pair: Pair) -> list[Pair]:
         """What might yet be compared to know more of two that were joined, the nearest first."""
-        told = {third: (other, way) for third, other, way in self._witnesses(pair)}
-        left = [
-            (third, *what) for third, what in told.items() if (third, what[0]) not in self._joins
-        ]
-        wanted = max(0, _HEARD - (len(told) - len(left)))
-        left.sort(key=lambda w: (float(np.hypot(*w[2].xy_m)), w[0]))
-        return [(third, other) for third, other, _ in left[:wanted]]
+        nearest = self._witnesses(pair)[:_HEARD]
+        return [(third, other) for third, other, _ in nearest if (third, other) not in self._joins]
 
-    def _witnesses(self, pair: Pair) -> Iterator[tuple[str, str, Pose]]:
-        """Others that know one of the two; the other; where it is for them if the two are right."""
+    def _witnesses(self, pair: Pair) -> list[tuple[str, str, Pose]]:
+        """Others that know one of the two; the other; where it is for them if the two are right.
+
+        The nearest to the other first, each once.
+        """
+        found: list[tuple[float, str, str, Pose]] = []
         for here, there in (pair, pair[::-1]):
             stand = self._joins[here, there].stand
             if stand is None:
@@ -90,30 +104,27 @@ class Joins:
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
                     continue
                 told = beyond(back, course_rad, way_m, stand.yaw_rad)
-                if _APART_M <= np.hypot(*told.xy_m) <= _NEAR_M:
-                    yield third, there, told
+                range_m = float(np.hypot(*told.xy_m))
+                if _APART_M <= range_m <= _NEAR_M:
+                    found.append((range_m, third, there, told))
+        nearest: dict[str, tuple[str, str, Pose]] = {}
+        for _, third, there, told in sorted(found, key=lambda witness: witness[:3]):
+            nearest.setdefault(third, (third, there, told))
+        return list(nearest.values())
 
     def _agrees(self, here: str, there: str, told: Pose) -> bool | None:
-        """Whether a join tells what it should; None: they were not compared."""
+        """Whether a join tells what it should, or nothing; None: not compared, or who is right?"""
         join = self._joins.get((here, there))
         if join is None:
             return None
-        stand = join.stand
+        stand, firm = join.stand, join.trust >= _FIRM
         if stand is None or join.trust < _TOLD:
             return False
         way_m = max(float(np.hypot(*stand.xy_m)), float(np.hypot(*told.xy_m)))
         turned = abs(float(wrap_angle_rad(stand.yaw_rad - told.yaw_rad)))
-        return stand.distance_to_m(told.xy_m) <= _OFF_M + _OFF * way_m and turned <= _OFF_RAD
-
-
-def relative(a: Pose, b: Pose) -> Pose:
-    """Where B is in A's frame, both given in one frame."""
-    c, s = np.cos(a.yaw_rad), np.sin(a.yaw_rad)
-    x_m, y_m = b.xy_m - a.xy_m
-    return Pose(
-        float(c * x_m + s * y_m), float(c * y_m - s * x_m),
-        float(wrap_angle_rad(b.yaw_rad - a.yaw_rad)),
-    )  # fmt: skip
+        if stand.distance_to_m(told.xy_m) <= _OFF_M + _OFF * way_m and turned <= _OFF_RAD:
+            return True if firm else None
+        return None if firm else False
 
 
 def baseline_m(found: Comparison, rig: CameraRig) -> float | None:

@@ -9,27 +9,30 @@ from itertools import pairwise
 
 import numpy as np
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose, placed, wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration
-from vrchain.landmarks.common import Comparison, Region
+from vrchain.landmarks.common import Region
 from vrchain.landmarks.proposer import Proposals
 from vrchain.navigation.eyes import Look
+from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.route import Route
-from vrchain.navigation.stands import baseline_m, stand_of
+from vrchain.navigation.stands import SURE, Joins
 from vrchain.navigation.tracker import Tracker
 
 _FARTHEST_M = 80.0  # from farther away nothing is driven to
 _STAND_DOUBT = 0.15  # of the distance to where another panorama was taken, as a share
 _ASIDE_M = 5.0  # a landmark so much farther than the next panorama's place lies aside
 _PLACE_STD_M = 1.0  # of a place next to the robot
+_SAME_STD = 2.0  # standard deviations within which two sights of the goal are of one thing
 _SAME_RAD = 0.1  # between a claim's region and its proposal
 
 
 def targets(
     route: Route,
     looks: Sequence[Look],
-    compared: Mapping[tuple[str, str], Comparison],
+    joins: Joins,
+    sights: Mapping[str, GoalSight],
     begin: Pose,
     here: Pose,
     calibration: Calibration,
@@ -38,21 +41,25 @@ def targets(
 
     The lookout is from where the goal was seen.
 
-    looks: of each robot of the route, the driving one first; compared: what each two of the plan's
-    panoramas have in common. begin: where the first was taken; here: where the robot is.
+    looks: of each robot of the route, the driving one first; joins: where the plan's panoramas were
+    taken; sights: in which of them the goal is seen. begin: where the first was taken; here: where
+    the robot is.
     """
+    between = [joins.stand(a, b) for a, b in pairwise(route.robots)]
     stands: list[Pose | None] = [begin]
-    rig = looks[0].rig
-    for a, b in pairwise(route.robots):
-        between, back = asked(a, b, compared)
+    for step in between:
         stand = stands[-1]
-        stands.append(None if stand is None else stand_of(stand, between, rig, back))
+        stands.append(None if stand is None or step is None else placed(stand, step))
     found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
         name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
         ranges = leg.landmark.ranges or (None, None)
-        between, _ = asked(leg.seen_by, leg.next_by, compared)
-        apart_m = baseline_m(between, rig)
+        step, onward = between[i], stands[i + 1]
+        if leg.by_odometry and onward is not None:
+            found.append(_lookout(leg.next_by, onward, here, calibration))
+            last_xy_m = onward.xy_m
+            continue
+        apart_m = None if step is None else float(np.hypot(*step.xy_m))
         places, embedding = [], []
         for region, share, seen, stand in zip(
             (leg.landmark.a, leg.landmark.b), ranges, looks[i : i + 2], stands[i : i + 2],
@@ -69,7 +76,6 @@ def targets(
                 seen_at = sighted(stand, region.bearing_rad or 0.0, range_m)
                 places.append(seen_at.unsure(off_m))
         place: Place | None = None
-        onward = stands[i + 1]
         if places:
             place = places[0] if i == 0 or len(places) == 1 else places[0].with_sight(places[1])
         if onward is not None:
@@ -87,6 +93,11 @@ def targets(
     if last is None:
         return found, None, None
     goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)
+    for name, sight in sights.items():
+        stand = joins.stand(route.seen_by, name)
+        if stand is not None and joins.trust((route.seen_by, name)) >= SURE:
+            too = sighted(placed(last, stand), sight.bearing_rad, sight.surface_m)
+            goal = goal.with_sight(too) if goal.astray(too) < _SAME_STD else goal
     goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
     return found, goal, _lookout(route.seen_by, last, here, calibration)
 
@@ -97,15 +108,6 @@ def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tr
     place = Place(stand.xy_m, std_m**2 * np.eye(2))
     none = np.empty((0, 0), dtype=np.float32)
     return Tracker(f"where {name} looked around", place, none, calibration)
-
-
-def asked(
-    a: str, b: str, compared: Mapping[tuple[str, str], Comparison]
-) -> tuple[Comparison, bool]:
-    """What two panoramas have in common, and whether it was asked the other way round."""
-    if (a, b) in compared:
-        return compared[a, b], False
-    return compared[b, a], True
 
 
 def proposal_of(proposals: Proposals, region: Region) -> int | None:

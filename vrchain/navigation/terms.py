@@ -34,7 +34,7 @@ class MissionConfig:
     sure_matches: int = 30  # keypoints more than by chance, of sights from afar, to claim arrival
     likely: float = 0.5  # chance of a sight from which nothing else is tried first
     least_chance: float = 0.1  # of a sight that is kept in mind
-    least_trust: float = 0.4  # of a route that is worth driving: on its way it looks around too
+    least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too
     explores: bool = True  # whether it goes and looks elsewhere where no route leads on
     explore_m: float = 26.0  # from all places where it has looked around
     lasting_s: float = 3600.0  # a view this old leaves 1/e of the chance that it still holds
@@ -83,3 +83,8 @@ def panorama_name(robot: str, k: int) -> str:
 def robot_of(panorama: str) -> str:
     """Whose panorama has such a name."""
     return panorama.partition(_BEFORE)[0]
+
+
+def age_of(panorama: str) -> int:
+    """How many a robot has published since one of such a name."""
+    return int(panorama.partition(_BEFORE)[2] or 0)
