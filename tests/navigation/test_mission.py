@@ -291,6 +291,35 @@ def test_what_is_least_sure_is_blamed_for_leading_astray(
     assert ours.trust(pilot.look_around(), found.looks["R2"], nothing) == trust  # looked anew
 
 
+@pytest.mark.parametrize(
+    ("away_m", "trust", "elsewhere"),
+    [((1.0, 4.0), 0.0, True), ((1.0, 4.0), 0.9, False), ((1.0, 40.0), 0.0, False)],
+)
+def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
+    away_m: tuple[float, float], trust: float, elsewhere: bool
+) -> None:
+    """Two that should have stood so near must be known again; of one alone nothing is told."""
+    trusts = {"now": 0.9}
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    eyes = replace(EYES, trust=lambda a, b, found: trusts["now"])
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    told: list[Decision] = []
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    ours = _Mission("R1", pilot, index.published, index, goal, told.append)
+    look = pilot.look_around()
+    found = ours.plan(look)
+    assert found.route is not None and not ours.is_elsewhere(look)  # nothing is driven yet
+    ours.driven = found.route, found
+    ours.expected = [
+        (digest, Pose(pilot.here.x_m + off_m, pilot.here.y_m))
+        for digest, off_m in zip((b"R2", b"R3"), away_m, strict=True)
+    ]
+    trusts["now"] = trust
+    assert ours.is_elsewhere(look) == elsewhere
+    assert [d.what for d in told] == (["elsewhere", "doubt"] if elsewhere else [])
+    assert len(ours.refuted) == elsewhere
+
+
 def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
     """R2 is not sure, but R3 beside it is: then it was the join that led astray."""
     index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})

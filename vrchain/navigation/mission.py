@@ -7,11 +7,12 @@ so that a mission can be read, and replayed in pictures.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, placed
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import NEAR_M, Arrival, Suspect
@@ -41,6 +42,9 @@ _PATIENCE = 0.9  # times as sure need a route be, after each look elsewhere, to 
 _SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _BETTER = 1.2  # times as sure a route is taken instead of the one that is driven,
 _AFRESH = 0.8  # or so many times as sure a one by the same panoramas: from here more is known
+_ASKED, _KNOWN_M = 2, 12.0  # panoramas from so near are known again,
+_NOTHING = 0.05  # or else this is the trust in a join with them
+_ELSEWHERE = "elsewhere"
 _DETOUR = 1.5  # times the straight way: so long a way of another robot's is not followed
 _OWN = 8  # latest looks from which a route may begin
 _MOVED_M = 1.0  # nearer to each other are looks from one place
@@ -120,6 +124,19 @@ def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool
     return False
 
 
+def _expected(route: Route, found: Plan, begin: Pose) -> list[tuple[bytes, Pose]]:
+    """Where others took the panoramas of a route, as far as something tells, by their digests."""
+    stands, here = [], begin
+    for a, b in pairwise(route.robots):
+        step = found.joins.stand(a, b)
+        if step is None:
+            break
+        here = placed(here, step)
+        if b in found.published:
+            stands.append((found.published[b].digest, here))
+    return stands
+
+
 class _Mission:
     def __init__(
         self,
@@ -139,7 +156,9 @@ class _Mission:
         self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
         self.reached: set[LandmarkKey] = set()
-        self.bound_for: frozenset[bytes] = frozenset()  # panoramas of the route that is driven
+        self.bound_for: frozenset[bytes] = frozenset()  # panoramas of the route that is driven,
+        self.expected: list[tuple[bytes, Pose]] = []  # and where they should have been taken
+        self.driven: tuple[Route, Plan] | None = None
         self.in_vain: list[Array] = []  # where the goal should have been
         self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
         self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
@@ -248,6 +267,8 @@ class _Mission:
         )
         self.plans.append((first, route))
         self.bound_for = _digests(route, found)
+        self.driven = route, found
+        self.expected = _expected(route, found, begin)
         looks = [found.looks[name] for name in names]
         trackers, goal, lookout = targets(
             route, looks, found.joins, found.goal_seen_by, begin, pilot.here, pilot.eyes.calibration
@@ -272,6 +293,8 @@ class _Mission:
                 seen = self.regard(pilot.look_around(), left)
                 if isinstance(seen, Suspect):
                     return self.arrival.drive_to(seen)
+                if isinstance(seen, str):
+                    return False
                 if seen is not None:
                     return self.follow(seen.route, seen.plan, seen.look)
             self.log(
@@ -285,7 +308,8 @@ class _Mission:
             if isinstance(ended, Onward):
                 return self.follow(ended.route, ended.plan, ended.look)
             if ended != "near":
-                self.failed.add(leg.key)
+                if ended != _ELSEWHERE:
+                    self.failed.add(leg.key)
                 return False
             self.reached.add(leg.key)
         if len(trackers) < len(route.legs) or goal is None:
@@ -296,9 +320,11 @@ class _Mission:
             return False
         if self.home(goal, route):
             return True
-        shown = goal.range_m(pilot.here) < NEAR_M
+        shown, refuted = goal.range_m(pilot.here) < NEAR_M, len(self.refuted)
         if lookout is not None and self.from_lookout(lookout, _left_of(route, len(route.legs))):
             return True
+        if len(self.refuted) > refuted:
+            return False
         if not shown:
             self.failed.update(leg.key for leg in route.legs[-1:])
             return False
@@ -312,11 +338,35 @@ class _Mission:
         names = sorted({route.seen_by, *same})
         leg = min(route.legs, key=lambda leg: leg.trust)
         if leg.trust < max(found.goal_seen_by[name].chance for name in names):
-            self.log("doubt", f"{leg.seen_by} and {leg.next_by} were not joined rightly")
-            self.refuted.append((found.looks[leg.seen_by], found.looks[leg.next_by]))
+            self.refute(leg, found)
             return
         self.log("doubt", f"what {', '.join(names)} saw is not the goal")
         self.doubted.update(found.published[name].digest for name in names)
+
+    def refute(self, leg: Leg, found: Plan) -> None:
+        """The two panoramas of a leg are not joined again."""
+        self.log("doubt", f"{leg.seen_by} and {leg.next_by} were not joined rightly")
+        self.refuted.append((found.looks[leg.seen_by], found.looks[leg.next_by]))
+
+    def is_elsewhere(self, look: Look) -> bool:
+        """Whether what was seen from near here looks nothing like it: then a join was wrong.
+
+        Panoramas so near to each other are as good as always joined.
+        """
+        here = self.pilot.here
+        near = sorted((here.distance_to_m(stand.xy_m), digest) for digest, stand in self.expected)
+        asked = [digest for range_m, digest in near[:_ASKED] if range_m < _KNOWN_M]
+        if self.driven is None or len(asked) < _ASKED:
+            return False
+        for digest in asked:
+            found = self.index.compare_with(look, digest)
+            if found.common and self.trust(look, self.index.look(digest), found) >= _NOTHING:
+                return False
+        route, plan = self.driven
+        joined = [leg for leg in route.legs if not leg.by_odometry]
+        self.log("elsewhere", "nothing here is as others should have seen it")
+        self.refute(min(joined, key=lambda leg: leg.trust), plan)
+        return True
 
     def one_thing(self, found: Plan, a: str, b: str) -> bool:
         """Whether what two surely joined panoramas take for the goal is in one place."""
@@ -335,11 +385,13 @@ class _Mission:
             return 0.0
         return self.pilot.eyes.trust(a, b, compared)
 
-    def regard(self, look: Look, route: Route) -> "Suspect | Onward | None":
-        """What a look on the way tells: what may be the goal, or a better route from here."""
+    def regard(self, look: Look, route: Route) -> "Suspect | Onward | str | None":
+        """What a look on the way tells: what may be the goal, a better route, or a wrong one."""
         suspect = self.arrival.note(look)
         if suspect is not None and suspect.chance >= self.config.likely:
             return suspect
+        if self.is_elsewhere(look):
+            return _ELSEWHERE
         again = self.plan(look)
         if again.route is None:
             return None
@@ -369,7 +421,10 @@ class _Mission:
         return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
 
     def approach(self, tracker: Tracker, route: Route) -> "str | Suspect | Onward":
-        """Drive to a landmark or place: "near", "lost", "blocked", or what came into view."""
+        """Drive to a landmark or place: how that ended, or what came into view.
+
+        "near", "lost", "blocked", or "elsewhere" if the route is wrong.
+        """
         config, pilot, name = self.config, self.pilot, tracker.name
         until_ns = pilot.until_ns(tracker.place)
         glanced, looked, stretch = 0.0, 0.0, 0.5
