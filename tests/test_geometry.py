@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from vrchain.geometry import Pose, circular_mean_rad, rotation_z, wrap_angle_rad
+from vrchain.geometry import Pose, circular_mean_rad, placed, relative, rotation_z, wrap_angle_rad
 
 ANGLES = st.floats(-1000, 1000)
 
@@ -77,3 +77,18 @@ def test_the_mean_of_two_directions_lies_between(middle: float, apart: float) ->
 def test_the_mean_direction_at_the_seam() -> None:
     assert abs(circular_mean_rad([3.0, -3.0])) == pytest.approx(np.pi)
     assert circular_mean_rad([0.7]) == pytest.approx(0.7)
+
+
+POSES = st.builds(Pose, st.floats(-50, 50), st.floats(-50, 50), st.floats(-3, 3))
+
+
+@given(POSES, POSES)
+def test_a_place_told_in_another_frame_is_the_same_place(a: Pose, b: Pose) -> None:
+    told = relative(a, b)
+    assert a.distance_to_m(b.xy_m) == pytest.approx(np.hypot(*told.xy_m))
+    if np.hypot(*told.xy_m) > 0.01:
+        ahead = float(np.arctan2(told.y_m, told.x_m))
+        assert np.cos(a.bearing_to_rad(b.xy_m) - ahead) == pytest.approx(1.0)
+    again = placed(a, told)
+    assert again.xy_m == pytest.approx(b.xy_m, abs=1e-9)
+    assert np.cos(again.yaw_rad - b.yaw_rad) == pytest.approx(1.0)

