@@ -6,6 +6,7 @@ not know a third that, by the other's join with it, is near, that join is probab
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from math import prod
 
 import numpy as np
 
@@ -20,11 +21,13 @@ SURE = 0.8  # trust from which a join bears witness
 _TOLD, _FIRM = 0.05, 0.5  # trust below which it tells nothing, from which it tells for sure
 _NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the place of either
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
-# The odds times so much for each witness that agrees, and for each that knows nothing of what
-# should be near, of so many, the nearest. By all joins of four patrols of seeds 1311 and 1312: of
-# the witnesses of right ones 0.84 agree and 0.05 know nothing, of wrong ones 0.003 and 0.85. The
-# odds are less than that says, as witnesses err together.
-_FOR, _AGAINST, _HEARD = 20.0, 0.4, 6
+_ELSEWHERE = 2.0  # times what still passes for agreement
+# The odds times so much for each witness that agrees, for each that knows nothing of what should
+# be near, and for each that firmly knows it elsewhere; of so many, the nearest. By all joins of
+# four patrols of seeds 1311 and 1312: of the witnesses of right ones 0.84 agree, 0.05 know nothing
+# and 0.001 know it elsewhere, of those of wrong ones 0.003, 0.85 and 0.10. The odds are less than
+# that says, as witnesses err together.
+_FOR, _AGAINST, _DENIED, _HEARD = 20.0, 0.4, 0.05, 6
 ORIGIN = Pose(0.0, 0.0)
 
 
@@ -77,10 +80,9 @@ class Joins:
         join = self._joins[pair]
         if not 0 < join.trust < 1:
             return join.trust
-        said = [self._agrees(*witness) for witness in self._witnesses(pair)]
-        agreed = [answer for answer in said if answer is not None][:_HEARD]
-        odds = join.trust / (1 - join.trust)
-        odds *= _FOR ** agreed.count(True) * _AGAINST ** agreed.count(False)
+        said = [self._speaks(*witness) for witness in self._witnesses(pair)]
+        heard = [odds for odds in said if odds is not None][:_HEARD]
+        odds = join.trust / (1 - join.trust) * prod(heard)
         return float(odds / (1 + odds))
 
     def unasked(self, pair: Pair) -> list[Pair]:
@@ -112,19 +114,20 @@ class Joins:
             nearest.setdefault(third, (third, there, told))
         return list(nearest.values())
 
-    def _agrees(self, here: str, there: str, told: Pose) -> bool | None:
-        """Whether a join tells what it should, or nothing; None: not compared, or who is right?"""
+    def _speaks(self, here: str, there: str, told: Pose) -> float | None:
+        """The odds by a join that should tell so much; None: the two were not compared."""
         join = self._joins.get((here, there))
         if join is None:
             return None
         stand, firm = join.stand, join.trust >= _FIRM
         if stand is None or join.trust < _TOLD:
-            return False
+            return _AGAINST
         way_m = max(float(np.hypot(*stand.xy_m)), float(np.hypot(*told.xy_m)))
         turned = abs(float(wrap_angle_rad(stand.yaw_rad - told.yaw_rad)))
-        if stand.distance_to_m(told.xy_m) <= _OFF_M + _OFF * way_m and turned <= _OFF_RAD:
-            return True if firm else None
-        return None if firm else False
+        off = max(stand.distance_to_m(told.xy_m) / (_OFF_M + _OFF * way_m), turned / _OFF_RAD)
+        if firm:
+            return _FOR if off <= 1.0 else _DENIED if off > _ELSEWHERE else 1.0
+        return 1.0 if off <= 1.0 else _AGAINST
 
 
 def baseline_m(found: Comparison, rig: CameraRig) -> float | None:
