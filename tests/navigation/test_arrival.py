@@ -135,3 +135,22 @@ def test_a_bush_before_a_wide_goal_is_gone_round(
     place = Place(np.array([1.0, 0.0]), np.eye(2))
     ours._draw_up(Suspect(place, 0.99, ((Pose(-9.0, 0.0), sight),)))
     assert pilot.driven_to == pytest.approx(driven_to)
+
+
+@pytest.mark.parametrize("taken_m", [7.0, 10.0, 14.0])
+@pytest.mark.parametrize("range_m", [2.0, 6.0])
+def test_how_far_it_is_is_told_by_how_it_grew(taken_m: float, range_m: float) -> None:
+    """Its pictures, said to be taken 10 m away, were not: by size alone it is here, or is not."""
+    goal_x_m, sights = 30.0, []
+    for x_m in np.arange(0.0, 29.0 - range_m, 2.5):
+        looks_m = (goal_x_m - x_m) * 10.0 / taken_m
+        sight = GoalSight(0.0, looks_m, looks_m, 0.2, 20, 3.0, 0.99, sized=True)
+        sights.append((Pose(float(x_m), 0.0), sight))
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(goal_x_m - range_m, 0.0)
+    there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    if range_m < 4.0:
+        assert there is None
+    else:
+        assert there == pytest.approx([goal_x_m, 0.0])
+    assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
