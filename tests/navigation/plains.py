@@ -142,7 +142,8 @@ class Plain:
             spots.append(code.astype(np.float32) / np.float32(ONE))
             height_m.append(slope * pose.distance_to_m(thing.xy_m))
         shown = Sought(embedding(name)[None], np.concatenate(spots), np.concatenate(height_m), ())
-        return GoalPictures(shown, Goal(tuple(made)), CALIBRATION, 8.0)
+        goal = Goal(tuple(made))
+        return GoalPictures(shown, goal, goal, CALIBRATION, 8.0)
 
 
 def spots_of(shown: Sequence[Thing], pose: Pose) -> Spots:

@@ -1,13 +1,18 @@
 from dataclasses import replace
 
+import answers
+import numpy as np
 import pytest
 
 from navigation.plains import CALIBRATION, Plain, Thing
 from vrchain.geometry import Pose
-from vrchain.landmarks.recognition import Goal
+from vrchain.landmarks.proposer import from_answers, nothing
+from vrchain.landmarks.recognition import Goal, Template
+from vrchain.landmarks.record import LandmarkRecord
+from vrchain.landmarks.sift import NO_FEATURES, Features
 from vrchain.landmarks.sought import sought
 from vrchain.landmarks.spots import NO_SPOTS
-from vrchain.navigation.goal import FoundOnce, GoalPictures, any_sight
+from vrchain.navigation.goal import FoundOnce, GoalPictures, _of_subject, any_sight
 
 HERE = Pose(0.0, 0.0, 0.3)
 PLAIN = Plain(
@@ -53,7 +58,7 @@ def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
     assert GOAL.find(look, HERE.bearing_to_rad((0.0, -10.0)), 0.1) is None
     empty = Plain((Thing("gone", (5.0, 0.0), visible_from=lambda pose: False),)).look(HERE)
     assert GOAL.find(empty) is None
-    assert GoalPictures(sought([]), Goal(()), CALIBRATION).find(look) is None
+    assert GoalPictures(sought([]), Goal(()), Goal(()), CALIBRATION).find(look) is None
 
 
 def test_without_spots_and_keypoints_looks_alone_prove_nothing() -> None:
@@ -83,3 +88,20 @@ def test_it_is_looked_for_once_in_a_look_but_each_time_in_a_window() -> None:
     goal.find(look, 0.1)
     goal.find(PLAIN.look(HERE))
     assert asked == [None, 0.1, None]
+
+
+def test_what_stands_beside_a_pictures_subject_is_not_of_it() -> None:
+    centres_m = np.array([[10.0, 0.0], [8.0, 6.0]])
+    said = answers.perfect(
+        answers.posts(Pose(0, 0), centres_m), Pose(0, 0), centres_m, answers.looks(2)
+    )
+    found = from_answers(said, answers.RIG)
+    picture = LandmarkRecord(answers.RIG, "ab" * 32, found, NO_FEATURES)
+    bearing = np.array([0.0, np.arctan2(6.0, 8.0), 2.0])  # the subject, what is beside it, nothing
+    keypoints = Features(
+        bearing, np.full(3, 0.05), np.full(3, 0.01), np.zeros((3, 128), dtype=np.uint8)
+    )
+    kept = _of_subject(Template(keypoints, 0.5), picture)
+    assert kept.features.bearing_rad.tolist() == [0.0] and kept.half_width_rad == 0.5
+    unknown = replace(picture, proposals=nothing())
+    assert len(_of_subject(Template(keypoints, 0.5), unknown).features) == 3

@@ -53,7 +53,7 @@ from vrchain.render import Renderer
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
-FORMAT = 6
+FORMAT = 7
 ARMS = ("ledger", "alone", "oracle")
 MISSIONS_A_SUBURB = 10
 PATROL_S = 300.0  # for which the others have been under way as a mission starts

@@ -6,7 +6,7 @@ with one of the pictures. A logistic regression weighs them.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Protocol
 
@@ -14,9 +14,9 @@ import numpy as np
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration, load_calibration
-from vrchain.landmarks.recognition import Goal, Sighting, goal_of, locate
-from vrchain.landmarks.record import examine
-from vrchain.landmarks.sought import Sought, depth, sought, worth_of
+from vrchain.landmarks.recognition import Goal, Sighting, Template, goal_of, locate
+from vrchain.landmarks.record import LandmarkRecord, examine, owners
+from vrchain.landmarks.sought import Sought, depth, sought, subject, worth_of
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.navigation.eyes import Look, surface_m
 from vrchain.panorama import Panorama
@@ -72,11 +72,13 @@ class KnownGoal(Protocol):
 class GoalPictures:
     """A goal as a robot knows it: what its pictures show, and all keypoints of each.
 
-    taken_m: from how far, about, the pictures were taken.
+    own: those of what the pictures are framed on, without what stands before or beside it: by them
+    it is found while it is driven to. taken_m: from how far, about, the pictures were taken.
     """
 
     shown: Sought
     keypoints: Goal
+    own: Goal
     calibration: Calibration
     taken_m: float = 10.0
 
@@ -106,7 +108,8 @@ class GoalPictures:
             *_, by_keypoint = _BELIEF
             odds = float(_BELIEF[:-1] @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i])])
             hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
-            seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
+            goal = self.keypoints if near_rad is None else self.own
+            seen = {} if hopeless else _located(goal, look, bearing, half_rad + _WIDE_RAD)
             matches = max((s.n_matches for s in seen.values()), default=0)
             odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
             scales = [s.scale for s in seen.values() if s.n_matches >= _SIZED_MATCHES]
@@ -118,15 +121,6 @@ class GoalPictures:
                 )
             )  # fmt: skip
         return max(filter(fair, found), key=lambda s: s.chance, default=None)
-
-    def _located(self, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
-        """The goal by keypoints around a bearing, picture by picture."""
-        near = look.features_near(middle_rad, window_rad)
-        found = {
-            k: locate(template, near, min_matches=BY_CHANCE + 1)
-            for k, template in enumerate(self.keypoints.templates)
-        }
-        return {k: seen for k, seen in found.items() if seen is not None}
 
 
 class FoundOnce:
@@ -153,5 +147,25 @@ class FoundOnce:
 
 def goal_from(pictures: Sequence[Panorama], weights: Path = SHIPPED) -> GoalPictures:
     """A goal by single views that are framed on it."""
-    shown = sought([examine(picture, weights) for picture in pictures])
-    return GoalPictures(shown, goal_of(pictures), load_calibration(weights))
+    records, goal = [examine(picture, weights) for picture in pictures], goal_of(pictures)
+    own = tuple(_of_subject(*known) for known in zip(goal.templates, records, strict=True))
+    return GoalPictures(sought(records), goal, Goal(own), load_calibration(weights))
+
+
+def _of_subject(template: Template, picture: LandmarkRecord) -> Template:
+    """Of a picture's keypoints those on what it is framed on; all, if that cannot be told."""
+    framed = subject(picture)
+    if framed is None:
+        return template
+    own = owners(picture.rig, picture.proposals, template.features) == framed
+    return replace(template, features=template.features.take(own))
+
+
+def _located(goal: Goal, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
+    """The goal by keypoints around a bearing, picture by picture."""
+    near = look.features_near(middle_rad, window_rad)
+    found = {
+        k: locate(template, near, min_matches=BY_CHANCE + 1)
+        for k, template in enumerate(goal.templates)
+    }
+    return {k: seen for k, seen in found.items() if seen is not None}
