@@ -274,9 +274,7 @@ class Arrival:
         front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
         if ahead_m + _THIN_M < front_m < pilot.ways.reach_m and _width_m(suspect) >= _WIDE_M:
             self.log("round", "something narrow stands before it")
-            course = pilot.here.yaw_rad + bearing
-            there = np.array([np.cos(course), np.sin(course)]) * (front_m - _DRAWN_UP_M)
-            there = pilot.here.xy_m + there
+            there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):
                 if pilot.stretch(there, 0.5, 0.5) is None:
                     break

@@ -44,6 +44,7 @@ class Compared:
         }
         self._left: list[Pair] = []  # not compared, the likeliest first
         self._bridged = 0
+        self._told: Joins | None = None  # until something more is compared
 
     def in_order(self, a: str, b: str) -> Pair:
         """The two in the order of ``names``."""
@@ -59,6 +60,7 @@ class Compared:
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
         self._joins[a, b] = Join(stand_of(ORIGIN, found, self.looks[a].rig), trust)
+        self._told = None
         return trust
 
     def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:
@@ -89,7 +91,9 @@ class Compared:
 
     def joins(self) -> Joins:
         """How panoramas were joined, by all comparisons so far and by odometry."""
-        return Joins(self._joins)
+        if self._told is None:
+            self._told = Joins(self._joins)
+        return self._told
 
     def check(self, pairs: Iterable[Pair]) -> bool:
         """Compare what tells more of joins that are unsure; False if there is nothing to ask."""

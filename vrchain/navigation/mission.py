@@ -7,12 +7,11 @@ so that a mission can be read, and replayed in pictures.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from vrchain.geometry import Pose, placed
+from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import NEAR_M, Arrival, Suspect
@@ -24,7 +23,7 @@ from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.route import LandmarkKey, Leg, Plan, Route, plan
 from vrchain.navigation.stands import ORIGIN, SURE
-from vrchain.navigation.targets import targets
+from vrchain.navigation.targets import stands_of, targets
 from vrchain.navigation.terms import (
     Body,
     Decision,
@@ -126,15 +125,11 @@ def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool
 
 def _expected(route: Route, found: Plan, begin: Pose) -> list[tuple[bytes, Pose]]:
     """Where others took the panoramas of a route, as far as something tells, by their digests."""
-    stands, here = [], begin
-    for a, b in pairwise(route.robots):
-        step = found.joins.stand(a, b)
-        if step is None:
-            break
-        here = placed(here, step)
-        if b in found.published:
-            stands.append((found.published[b].digest, here))
-    return stands
+    taken = zip(route.robots, stands_of(route, found.joins, begin), strict=True)
+    return [
+        (found.published[name].digest, stand) for name, stand in taken
+        if stand is not None and name in found.published
+    ]  # fmt: skip
 
 
 class _Mission:
@@ -156,9 +151,8 @@ class _Mission:
         self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
         self.reached: set[LandmarkKey] = set()
-        self.bound_for: frozenset[bytes] = frozenset()  # panoramas of the route that is driven,
-        self.expected: list[tuple[bytes, Pose]] = []  # and where they should have been taken
         self.driven: tuple[Route, Plan] | None = None
+        self.expected: list[tuple[bytes, Pose]] = []  # where its panoramas should have been taken
         self.in_vain: list[Array] = []  # where the goal should have been
         self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
         self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
@@ -266,7 +260,6 @@ class _Mission:
             own for k, own in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
         )
         self.plans.append((first, route))
-        self.bound_for = _digests(route, found)
         self.driven = route, found
         self.expected = _expected(route, found, begin)
         looks = [found.looks[name] for name in names]
@@ -395,7 +388,8 @@ class _Mission:
         again = self.plan(look)
         if again.route is None:
             return None
-        better = _BETTER if self.bound_for.isdisjoint(_digests(again.route, again)) else _AFRESH
+        driven = _digests(*self.driven) if self.driven else frozenset()
+        better = _BETTER if driven.isdisjoint(_digests(again.route, again)) else _AFRESH
         if again.route.score <= better * route.score:
             return None
         if again.route.trust < min(route.trust, self.config.least_trust):

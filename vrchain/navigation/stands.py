@@ -100,12 +100,11 @@ class Joins:
             stand = self._joins[here, there].stand
             if stand is None:
                 continue
-            way_m, course_rad = float(np.hypot(*stand.xy_m)), ORIGIN.bearing_to_rad(stand.xy_m)
             for third in self._sure.get(here, []):
                 back = self._joins[third, here].stand
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
                     continue
-                told = beyond(back, course_rad, way_m, stand.yaw_rad)
+                told = placed(back, stand)
                 range_m = float(np.hypot(*told.xy_m))
                 if _APART_M <= range_m <= _NEAR_M:
                     found.append((range_m, third, there, told))

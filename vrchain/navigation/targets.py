@@ -46,10 +46,7 @@ def targets(
     the robot is.
     """
     between = [joins.stand(a, b) for a, b in pairwise(route.robots)]
-    stands: list[Pose | None] = [begin]
-    for step in between:
-        stand = stands[-1]
-        stands.append(None if stand is None or step is None else placed(stand, step))
+    stands = stands_of(route, joins, begin)
     found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
         name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
@@ -100,6 +97,15 @@ def targets(
             goal = goal.with_sight(too) if goal.astray(too) < _SAME_STD else goal
     goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
     return found, goal, _lookout(route.seen_by, last, here, calibration)
+
+
+def stands_of(route: Route, joins: Joins, begin: Pose) -> list[Pose | None]:
+    """Where each panorama of a route was taken, the first at ``begin``; None: nothing tells."""
+    stands: list[Pose | None] = [begin]
+    for a, b in pairwise(route.robots):
+        stand, step = stands[-1], joins.stand(a, b)
+        stands.append(None if stand is None or step is None else placed(stand, step))
+    return stands
 
 
 def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tracker:
