@@ -228,7 +228,7 @@ def homing_trials(
 @app.command()
 def navigation(
     spec: Spec = SUBURB,
-    missions: Annotated[int, typer.Option(help="Ten in each suburb; 100 to report.")] = 10,
+    missions: Annotated[int, typer.Option(help="Over ten suburbs; 100 to report.")] = 10,
     robots: Annotated[int, typer.Option(help="How many, the driving one among them.")] = 5,
     arms: Annotated[
         list[str] | None, typer.Option(metavar="A", help="Give one for each; all if none.")

@@ -7,8 +7,10 @@ other robots publish what they see from where they are put, have driven about an
 minutes when the mission starts, and go on while it runs. To ``alone`` they are of no use and stay
 where they are.
 
-About ten missions a suburb. Each is saved as it ends, so that a run broken off goes on with the
-next. Broadcasting every panorama to everyone would differ from ledger in bytes alone.
+A hundred missions are ten in each of ten suburbs, the first ten one in each: even few missions say
+something of how suburbs differ. Each is saved as it ends, so that a run broken off, or asked for
+more missions, goes on with the next. Broadcasting every panorama to everyone would differ from
+ledger in bytes alone.
 """
 
 import json
@@ -53,9 +55,9 @@ from vrchain.render import Renderer
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
-FORMAT = 7
+FORMAT = 8
 ARMS = ("ledger", "alone", "oracle")
-MISSIONS_A_SUBURB = 10
+SUBURBS = 10  # of a hundred missions
 PATROL_S = 300.0  # for which the others have been under way as a mission starts
 SOON_S = (150, 300)
 REMEMBERED = 40  # panoramas of each robot that others plan by
@@ -218,6 +220,7 @@ def evaluate(
         weights, to_places, patrol_s, wrong_edges, barred,
     )  # fmt: skip
     left = [number for number in range(n_missions) if not asked.is_done(number)]
+    left.sort(key=asked.k)  # a suburb is built once
     each(asked.drive, left, jobs, "missions")
     _suburb.cache_clear()
     rows = []
@@ -247,7 +250,8 @@ class _Evaluation:
 
     def k(self, number: int) -> int:
         """The suburb of a mission."""
-        return number // MISSIONS_A_SUBURB
+        hundred, within = divmod(number, SUBURBS**2)
+        return hundred * SUBURBS + within % SUBURBS
 
     def mission_file(self, number: int) -> Path:
         return self.folder / name_of(self._drawn) / f"mission_{number:04d}.json"
