@@ -98,8 +98,11 @@ def test_a_place_is_out_of_sight_of_all_that_the_start_sees(ground: Ground) -> N
 
 @pytest.mark.slow
 @pytest.mark.usefixtures("short_ways")
-def test_every_third_mission_needs_two_landmarks(ground: Ground) -> None:
-    drawn = ground.draw(5, 0, 3, 4)
+@pytest.mark.parametrize(("number", "landmarks"), [(3, 0), (1, 2)])
+def test_every_third_mission_needs_two_landmarks_or_each_as_many_as_asked(
+    ground: Ground, number: int, landmarks: int
+) -> None:
+    drawn = ground.draw(5, 0, number, 4, landmarks=landmarks)
     assert drawn.chain is not None and len(drawn.chain.landmarks) == 2
     assert "no chain of 2 or more" in drawn.rejected
     assert drawn.chain.way_m == pytest.approx(_shortest_by_two_m(ground, drawn))

@@ -234,6 +234,9 @@ def navigation(
         list[str] | None, typer.Option(metavar="A", help="Give one for each; all if none.")
     ] = None,
     to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
+    landmarks: Annotated[
+        int, typer.Option(help="In each chain at least; if 0, two in every third.")
+    ] = 0,
     patrol: Annotated[
         float, typer.Option(metavar="S", help="For how long the others are under way before.")
     ] = 300.0,
@@ -263,7 +266,7 @@ def navigation(
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
         folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
-        patrol_s=patrol, wrong_edges=wrong_edges, barred=barred, jobs=jobs,
+        landmarks=landmarks, patrol_s=patrol, wrong_edges=wrong_edges, barred=barred, jobs=jobs,
     )  # fmt: skip
     summary = experiment.summarise(*found)
     if as_json:

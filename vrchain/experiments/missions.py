@@ -3,8 +3,8 @@
 Start, other robots and goal are uniform: robots in free space, the goal among the buildings without
 a twin, or, asked for places, in free space too. A draw is rejected if the shortest free way is not
 40 to 120 m long, if a pixel of the goal is in view at the start, or a landmark in view from the
-place that is the goal, or if the goal cannot be pictured unoccluded. Every third mission is drawn
-until its chain needs two landmarks or more. Robots face anywhere.
+place that is the goal, or if the goal cannot be pictured unoccluded. Every third mission, or each
+if so asked, is drawn until its chain needs two landmarks or more. Robots face anywhere.
 
 A *chain* is start, L1, P2, L2 ... Pk, goal: each landmark co-visible in neighbouring panoramas, the
 goal visible in Pk, and from a free and reachable place within the approach distance of each
@@ -151,13 +151,22 @@ class Ground:
         self._from_near: dict[int, frozenset[int]] = {}
 
     def draw(
-        self, seed: int, k: int, number: int, n_robots: int, to_places: bool = False
+        self,
+        seed: int,
+        k: int,
+        number: int,
+        n_robots: int,
+        to_places: bool = False,
+        landmarks: int = 0,
     ) -> Mission:
-        """Mission ``number`` of suburb k of a seed; MissionError if none is found."""
+        """Mission ``number`` of suburb k of a seed; MissionError if none is found.
+
+        landmarks: how many its chain needs at least; if 0, two of every third mission's.
+        """
         draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
         names = robot_names(n_robots)
         goals = [] if to_places else goal_ids(self.scene, None)
-        least = 2 if number % 3 == 0 else 0
+        least = landmarks or (2 if number % 3 == 0 else 0)
         rejected: dict[str, int] = {}
         for _ in range(_DRAWS):
             found = self._draw(draws, names, goals, seed, number, least)

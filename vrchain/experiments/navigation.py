@@ -196,6 +196,7 @@ def evaluate(
     config: MissionConfig | None = None,
     weights: Path = SHIPPED,
     to_places: bool = False,
+    landmarks: int = 0,
     patrol_s: float = PATROL_S,
     wrong_edges: float = 0.0,
     barred: float = 0.0,
@@ -203,13 +204,16 @@ def evaluate(
 ) -> tuple[pd.DataFrame, list[Mission]]:
     """One row a mission and arm, and the missions as they were drawn, to objects or to places.
 
-    What was found already under ``folder`` is read from there. jobs: see ``workers.each``.
+    landmarks: how many each chain needs at least; if 0, every third needs two. jobs: see
+    ``workers.each``. What was found already under ``folder`` is read from there.
     """
     robot_names(n_robots)  # refused before a scene is built
     unknown = [arm for arm in arms if arm not in ARMS]
     for what, share in (("wrong edges", wrong_edges), ("barred legs", barred)):
         if not 0 <= share <= 1:
             raise MissionError(f"expected a share of {what} from 0 to 1, got {share}")
+    if landmarks < 0:
+        raise MissionError(f"expected chains of 0 landmarks or more, got {landmarks}")
     if n_missions < 1 or unknown:
         raise MissionError(
             f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
@@ -217,7 +221,7 @@ def evaluate(
         )
     asked = _Evaluation(
         scenes, n_robots, tuple(arms), seed, folder, rig or CameraRig(), config or MissionConfig(),
-        weights, to_places, patrol_s, wrong_edges, barred,
+        weights, to_places, landmarks, patrol_s, wrong_edges, barred,
     )  # fmt: skip
     left = [number for number in range(n_missions) if not asked.is_done(number)]
     left.sort(key=asked.k)  # a suburb is built once
@@ -244,6 +248,7 @@ class _Evaluation:
     config: MissionConfig
     weights: Path
     to_places: bool
+    landmarks: int
     patrol_s: float
     wrong_edges: float
     barred: float
@@ -277,7 +282,7 @@ class _Evaluation:
         k = self.k(number)
         if not self.mission_file(number).exists():
             ground = _suburb(self.scenes, self.seed, k, self.rig).ground
-            drawn = ground.draw(self.seed, k, number, self.n_robots, self.to_places)
+            drawn = ground.draw(self.seed, k, number, self.n_robots, self.to_places, self.landmarks)
             write_file(self.mission_file(number), json.dumps(drawn.as_dict()).encode())
         for arm in self.arms:
             if not self.row_file(number, arm).exists():
@@ -290,7 +295,7 @@ class _Evaluation:
     @property
     def _drawn(self) -> list[object]:
         what = [FORMAT, self.scenes.digest, self.n_robots, self.seed, asdict(self.rig)]
-        return [*what, self.to_places]
+        return [*what, self.to_places, self.landmarks]
 
 
 @lru_cache(maxsize=1)
