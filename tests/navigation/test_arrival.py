@@ -49,11 +49,11 @@ def arrival() -> Arrival:
     return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
 
 
-def is_sure(*sights: tuple[float, int, float, float]) -> bool:
-    """x_m of the robot, keypoints, range of the goal's side and looks of each sight."""
+def is_sure(*sights: tuple[int, float, float]) -> bool:
+    """Keypoints, range of the goal's side and looks of each sight, a metre apart."""
     seen = tuple(
-        (Pose(x_m, 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
-        for x_m, keypoints, range_m, looks in sights
+        (Pose(float(x_m), 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
+        for x_m, (keypoints, range_m, looks) in enumerate(sights)
     )
     return arrival()._is_sure(Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen))
 
@@ -72,27 +72,23 @@ def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
     assert ours.likeliest is None
 
 
-def test_sights_from_several_places_add_up() -> None:
-    assert is_sure((0, 20, 15, 3), (3, 24, 12, 3))
-    assert not is_sure((0, 20, 15, 3))
+def test_one_good_sight_is_enough() -> None:
+    assert is_sure((10, 15, 3), (54, 12, 3))
 
 
 @pytest.mark.parametrize(
-    "second",
-    [(1, 24, 12, 3), (3, 24, 4, 3)],
-    ids=["from the same place", "from too near"],
+    "sight",
+    [(30, 12, 3), (80, 4, 3), (80, 12, 2.0)],
+    ids=["too few keypoints", "from too near", "without its looks"],
 )
-def test_what_does_not_add(second: tuple[float, int, float, float]) -> None:
-    assert not is_sure((0, 20, 15, 3), second)
+def test_what_is_not_enough(sight: tuple[int, float, float]) -> None:
+    assert not is_sure((10, 15, 3), sight)
 
 
 def test_a_house_like_the_goal_is_not_the_goal() -> None:
-    """As it was met in a suburb: what agrees are windows and doors of the same make."""
-    assert not is_sure((0, 11, 29, 3.1), (3, 13, 22, 2.8), (6, 9, 15, 3.3))
-
-
-def test_keypoints_without_its_looks_are_not_the_goal() -> None:
-    assert not is_sure((0, 40, 15, 2.0), (3, 40, 12, 2.0))
+    """As two were met in a suburb: what agrees are windows and timber of the same make."""
+    assert not is_sure((9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (22, 8, 2.8))
+    assert not is_sure((11, 12, 2.5), (11, 10, 2.6), (11, 7, 2.7), (20, 11, 2.4), (15, 7, 2.5))
 
 
 def test_never_seen_is_never_sure() -> None:

@@ -58,3 +58,15 @@ def test_where_others_have_looked_it_goes_last() -> None:
     assert went["alone"].x_m > 8.0
     assert went["ahead"].x_m < 3.0
     assert went["everywhere"].xy_m == pytest.approx(went["alone"].xy_m)
+
+
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_it_goes_where_more_stands_that_it_saw_from_afar_only(side: float) -> None:
+    """Beside the way that it would take otherwise, things can be seen far off on one side."""
+    things = tuple(Thing(f"{x}", (float(x), side * 30.0)) for x in (-12, 0, 12))
+    pilot = Pilot(Walker(Plain(things), Pose(0.0, 0.0)), EYES, MissionConfig())
+    pilot.look_around()
+    assert len(pilot.standing[0]) == 3
+    assert pilot.standing[0] == pytest.approx(np.array([t.xy_m for t in things]), abs=6.0)
+    Explorer(pilot, lambda what, why, look=None, **values: None).drive_on()
+    assert side * pilot.here.y_m > 6.0

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.places import Place
 from vrchain.navigation.terms import Body, GaveUp, MissionConfig
@@ -17,6 +17,7 @@ Array = NDArray[np.float64]
 
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _TICKS = 3  # of steering between two looks for a way
+_PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
 
 
@@ -24,7 +25,8 @@ class Pilot:
     """A robot's body and eyes, what it has met and looked at, and its clock.
 
     now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
-    looked: where they were taken, in the odometry's frame.
+    looked: where they were taken; standing: where what was proposed in them stands, about, (n, 2)
+    each. Places are in the odometry's frame.
     """
 
     def __init__(self, body: Body, eyes: Eyes, config: MissionConfig) -> None:
@@ -32,6 +34,7 @@ class Pilot:
         self.ways = Ways()
         self.looks: list[Panorama] = []
         self.looked: list[Array] = []
+        self.standing: list[Array] = []
         self.now: Observation = body.observe()
         self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
 
@@ -46,7 +49,15 @@ class Pilot:
         assert self.now.panorama is not None
         self.looks.append(self.now.panorama)
         self.looked.append(self.here.xy_m)
-        return self.eyes.examine(self.now)
+        look = self.eyes.examine(self.now)
+        self.standing.append(self._standing(look))
+        return look
+
+    def _standing(self, look: Look) -> Array:
+        p = look.proposals
+        surely = (p.score >= _PROPOSED) & (p.range_m < _FARTHEST_M)
+        turn = rotation_z(self.here.yaw_rad)[:2, :2]
+        return np.asarray(self.here.xy_m + p.xy_m[surely] @ turn.T)
 
     def glance(self, bearing_rad: float) -> Look:
         """What one camera shows around a bearing."""

@@ -31,7 +31,9 @@ class MissionConfig:
     tick_s: float = 0.3  # between two steering commands
     sure_chance: float = 0.8  # that a sight is of the goal, and
     sure_looks: float = 2.6  # log-likelihood ratio of its looks, a house like it has less, and
-    sure_matches: int = 30  # keypoints more than by chance, of sights from afar, to claim arrival
+    # Keypoints more than by chance, to claim arrival. In a suburb of seed 1330 the best sights of
+    # two houses of the goal's make had 16 and 23, of ten goals but one 50 or more.
+    sure_matches: int = 36
     likely: float = 0.5  # chance of a sight from which nothing else is tried first
     least_chance: float = 0.1  # of a sight that is kept in mind
     least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too
