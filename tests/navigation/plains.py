@@ -1,7 +1,9 @@
 """A made-up plain of round things, seen without drawing: for missions that take no time."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import sights
@@ -18,7 +20,7 @@ from vrchain.landmarks.sought import Sought
 from vrchain.landmarks.spots import NO_SPOTS, ONE, Spots
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalPictures
-from vrchain.navigation.terms import Published
+from vrchain.navigation.terms import Published, age_of
 from vrchain.panorama import CameraRig
 from vrchain.robot import Drive, Observation
 from vrchain.seeding import generator
@@ -223,16 +225,23 @@ class Walker:
 
 
 class PlainIndex(LandmarkIndex[Look]):
-    """A ledger's panoramas, by the digest that is the robot's name."""
+    """A ledger's panoramas, by the digest that is the robot's name.
 
-    def __init__(self, plain: Plain, poses: Mapping[str, Pose]) -> None:
+    moved: how robots say that they moved, by the names of the panoramas that they moved to.
+    """
+
+    def __init__(
+        self, plain: Plain, poses: Mapping[str, Pose], moved: Mapping[str, Pose] | None = None
+    ) -> None:
         self.poses = poses
-        super().__init__(
-            lambda digest: digest,
-            lambda digest: None,
-            lambda name, none: plain.look(poses[name.decode()]),
-            compared,
-        )
+
+        def look(name: bytes, none: bytes | None) -> Look:
+            told = (moved or {}).get(name.decode())
+            seen = plain.look(poses[name.decode()])
+            return replace(seen, record=cast(Any, told and SimpleNamespace(moved=told)))
+
+        super().__init__(lambda digest: digest, lambda digest: None, look, compared)
 
     def published(self) -> dict[str, Published]:
-        return {name: Published(name.encode()) for name in self.poses}
+        """The older a panorama by its name, the earlier."""
+        return {name: Published(name.encode(), -age_of(name)) for name in self.poses}

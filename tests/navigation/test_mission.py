@@ -1,12 +1,14 @@
 import json
+from collections.abc import Callable
 from dataclasses import asdict, replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
 from navigation.plains import CALIBRATION, EYES, Plain, PlainIndex, Thing, Walker
 from vrchain.errors import ImageError
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, relative
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
@@ -14,7 +16,13 @@ from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes
 from vrchain.navigation.goal import GoalPictures
 from vrchain.navigation.mission import MissionResult, _left_of, _Mission, run_mission
-from vrchain.navigation.terms import Decision, MissionConfig, Published
+from vrchain.navigation.terms import (
+    Decision,
+    MissionConfig,
+    Published,
+    panorama_name,
+    robot_of,
+)
 
 GOAL_XY = (16.0, 8.0)
 HOME = Pose(0, 0, 0.5)
@@ -475,3 +483,37 @@ def test_a_trail_of_panoramas_leads_to_a_goal_that_was_seen_long_ago() -> None:
     assert len(result.plans[0][1].legs) >= 2
     driven_m = np.hypot(*np.diff(body.path, axis=0).T).sum()
     assert driven_m < 1.25 * 64.0  # along the avenue, and not to each landmark at its side
+
+
+LIES = {
+    "backwards": lambda m: Pose(-m.x_m, m.y_m, m.yaw_rad),
+    "aside": lambda m: Pose(m.y_m, m.x_m, m.yaw_rad),
+    "turning": lambda m: Pose(m.x_m, m.y_m, 1.0),
+    "far away": lambda m: Pose(9_000.0, 0.0, 0.0),
+}
+
+
+@pytest.mark.parametrize("lie", LIES.values(), ids=list(LIES))
+def test_who_lies_about_its_way_misleads_to_no_arrival_and_nobody_who_has_another_way(
+    lie: Callable[[Pose], Pose],
+) -> None:
+    """R2 publishes what it saw, but not how it moved; R3, which came the same way, is honest."""
+    poses, moved = {}, {}
+    for robot, off_m, told in (("R2", 0.0, lie), ("R3", 2.0, lambda m: m)):
+        names = [panorama_name(robot, k) for k in range(8)]
+        stood = [Pose(7.5 * k + off_m, 1.0 - off_m, 3.0) for k in range(8)]
+        poses |= dict(zip(names, stood, strict=True))
+        moved |= {
+            n: told(relative(a, b)) for n, (b, a) in zip(names, pairwise(stood), strict=False)
+        }
+    start, goal = Pose(-4.0, -1.0, 1.0), avenue().goal("goal", 3.0, 2.0, -2.0)
+    arrived = {}
+    for others in (("R2",), ("R2", "R3")):
+        theirs = {n: pose for n, pose in poses.items() if robot_of(n) in others}
+        index = PlainIndex(avenue(), theirs, moved)
+        result, body = drive(avenue(), theirs, start=start, goal=goal, index=index)
+        check_log(result)
+        near = body.pose.distance_to_m((60.0, 1.0)) < 1.5 + QUICK.arrival_m + 0.3
+        assert near == result.arrived, result.reason
+        arrived[others] = result.arrived
+    assert arrived["R2", "R3"]
