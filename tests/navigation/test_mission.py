@@ -9,13 +9,15 @@ import pytest
 from navigation.plains import CALIBRATION, EYES, Plain, PlainIndex, Thing, Walker
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose, relative
-from vrchain.landmarks.common import Comparison
+from vrchain.landmarks.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
 from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes
 from vrchain.navigation.goal import GoalPictures
-from vrchain.navigation.mission import MissionResult, _left_of, _Mission, run_mission
+from vrchain.navigation.mission import MissionResult, _is_idle, _left_of, _Mission, run_mission
+from vrchain.navigation.places import Place
+from vrchain.navigation.route import Leg
 from vrchain.navigation.terms import (
     Decision,
     MissionConfig,
@@ -483,6 +485,22 @@ def test_a_trail_of_panoramas_leads_to_a_goal_that_was_seen_long_ago() -> None:
     assert len(result.plans[0][1].legs) >= 2
     driven_m = np.hypot(*np.diff(body.path, axis=0).T).sum()
     assert driven_m < 1.25 * 64.0  # along the avenue, and not to each landmark at its side
+
+
+@pytest.mark.parametrize(
+    ("trust", "by_odometry", "round_m", "idle"),
+    [(0.9, False, 30.0, True), (0.5, False, 30.0, False), (0.5, True, 30.0, True),
+     (0.9, False, 5.0, False)],
+    ids=["sure", "unsure", "by odometry", "hardly longer"],
+)  # fmt: skip
+def test_a_long_way_round_is_followed_only_to_make_sure(
+    trust: float, by_odometry: bool, round_m: float, idle: bool
+) -> None:
+    seen = Region(0, (0.0, 0.0, 0.0, 0.0), None if by_odometry else 0.1, None)
+    common = CommonLandmark(0.9, seen, seen, np.empty(0, int), np.empty(0, int))
+    leg = Leg("R2", "R3", common, (b"", b"", 0), "L", trust=trust)
+    aside, goal = (Place(np.array(xy_m), np.eye(2)) for xy_m in ((10.0, round_m), (40.0, 0.0)))
+    assert _is_idle(aside, [goal], Pose(0.0, 0.0), leg) == idle
 
 
 LIES = {

@@ -44,7 +44,7 @@ _AFRESH = 0.8  # or so many times as sure a one by the same panoramas: from here
 _ASKED, _KNOWN_M = 2, 12.0  # panoramas from so near are known again,
 _NOTHING = 0.05  # or else this is the trust in a join with them
 _ELSEWHERE = "elsewhere"
-_DETOUR = 1.5  # times the straight way: so long a way of another robot's is not followed
+_DETOUR = 1.5  # times the straight way: so long a way round is not followed, if it is surely one
 _OWN = 8  # latest looks from which a route may begin
 _MOVED_M = 1.0  # nearer to each other are looks from one place
 
@@ -114,11 +114,12 @@ def _digests(route: Route, found: Plan) -> frozenset[bytes]:
 
 def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool:
     """Whether the way to a place is for nothing: what comes later is nearer, or far nearer so."""
+    sure = leg.by_odometry or leg.trust >= SURE
     way_m, last = place.range_m(here), place
     for onward in later:
         range_m = onward.range_m(here)
         way_m, last = way_m + float(np.hypot(*(onward.xy_m - last.xy_m))), onward
-        if range_m < place.range_m(here) or (leg.by_odometry and way_m > _DETOUR * range_m):
+        if range_m < place.range_m(here) or (sure and way_m > _DETOUR * range_m):
             return True
     return False
 
