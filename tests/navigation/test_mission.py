@@ -351,7 +351,7 @@ def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
 def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:
     plain = street(visible_from=within(GOAL_XY, 9.0))
     trust = drive(plain, TEAM, config=PATIENT)[0].plans[0][1].trust
-    demanding = replace(PATIENT, least_trust=1.2 * trust, explore_m=4.0)
+    demanding = replace(PATIENT, least_trust=1.02 * trust, explore_m=4.0)
     refused, _ = drive(plain, TEAM, config=demanding)
     assert refused.reason == "the best chain is too unsure to be worth driving"
     result, _ = drive(plain, TEAM, config=replace(demanding, explores=True))

@@ -37,7 +37,7 @@ from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
-_PATIENCE = 0.9  # times as sure need a route be, after each look elsewhere, to be worth driving
+_PATIENCE = 0.97  # times as sure need a route be, after each look elsewhere, to be worth driving
 _SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _BETTER = 1.2  # times as sure a route is taken instead of the one that is driven,
 _AFRESH = 0.8  # or so many times as sure a one by the same panoramas: from here more is known
