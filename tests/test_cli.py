@@ -68,9 +68,10 @@ def here(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> 
         return subprocess.CompletedProcess(sys.argv, status, *capfd.readouterr())
 
     monkeypatch.setattr(warnings, "showwarning", warnings.showwarning)  # main sets it
-    interrupt = signal.getsignal(signal.SIGINT)  # and this
+    interrupts = {n: signal.getsignal(n) for n in (signal.SIGINT, signal.SIGTERM)}  # and these
     yield call_here
-    signal.signal(signal.SIGINT, interrupt)
+    for number, interrupt in interrupts.items():
+        signal.signal(number, interrupt)
 
 
 @pytest.fixture
@@ -244,11 +245,14 @@ def test_a_disk_without_room(full_disk: Path, image: Path, refused: Refused) -> 
 
 
 @pytest.mark.parametrize(
-    "arguments",
-    [("panorama", BARN, "--at", 10, 0, 0), ("navigate", BARN), ("reproduce",)],
-    ids=lambda arguments: arguments[0],
-)
-def test_ctrl_c_in_the_middle_leaves_nothing(arguments: tuple[object, ...], tmp_path: Path) -> None:
+    ("number", "arguments"),
+    [(signal.SIGINT, ("panorama", BARN, "--at", 10, 0, 0)), (signal.SIGINT, ("navigate", BARN)),
+     (signal.SIGTERM, ("navigate", BARN)), (signal.SIGINT, ("reproduce",))],
+    ids=["panorama", "navigate", "navigate, terminated", "reproduce"],
+)  # fmt: skip
+def test_ctrl_c_in_the_middle_leaves_nothing(
+    number: signal.Signals, arguments: tuple[object, ...], tmp_path: Path
+) -> None:
     """Interrupted as soon as it has begun to write, which is where something could be left."""
     environment = {**ENVIRONMENT, "VRCHAIN_BUILD": str(tmp_path / "out")}
     output = () if arguments == ("reproduce",) else ("-o", tmp_path / "out")
@@ -264,11 +268,11 @@ def test_ctrl_c_in_the_middle_leaves_nothing(arguments: tuple[object, ...], tmp_
         while not any(tmp_path.rglob("*")) and time.monotonic() < deadline:
             assert process.poll() is None, process.communicate()
             time.sleep(0.02)
-        process.send_signal(signal.SIGINT)
+        process.send_signal(number)
         _, said = process.communicate(timeout=60)
     finally:
         process.kill()
-    assert process.returncode not in (None, 0)
+    assert process.returncode == 128 + number
     assert said.startswith("vrchain: ") and said.count("\n") == 1, said
     assert [path for path in tmp_path.rglob("*") if not path.is_dir()] == []
     assert not (tmp_path / "out").exists() or arguments == ("reproduce",)

@@ -49,7 +49,8 @@ def main() -> None:
         interrupts.append(number)  # libraries may turn what is raised into errors of their own
         raise KeyboardInterrupt
 
-    signal.signal(signal.SIGINT, interrupt)
+    for number in (signal.SIGINT, signal.SIGTERM):  # ended either way, no process is left behind
+        signal.signal(number, interrupt)
     warnings.showwarning = _warn
     status = 1
     try:
@@ -66,7 +67,7 @@ def main() -> None:
         if not interrupts:
             raise
     if interrupts:
-        status = _fail("interrupted: nothing half-written is left", 130)
+        status = _fail("interrupted: nothing half-written is left", 128 + interrupts[0])
     sys.exit(status)
 
 
