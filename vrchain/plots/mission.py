@@ -19,6 +19,7 @@ from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, regio
 from vrchain.plots.save import png_bytes
 
 _GOAL_COLOUR = "#ff2d95"
+_LABEL_DEG = 5.0  # of height above a box; a label that has less room is put inside
 _LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
 
@@ -146,7 +147,9 @@ def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: st
             (centre - width / 2, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2
         )
     )
+    edge = axes.get_ylim()[1]
     axes.text(
-        centre + width / 2, top, label, fontsize=8, va="bottom", clip_on=True,
+        centre + width / 2, min(top, edge), label, fontsize=8, clip_on=True,
+        va="top" if top > edge - _LABEL_DEG else "bottom",
         bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
     )  # fmt: skip
