@@ -12,7 +12,7 @@ from sights import RIG
 from vrchain.errors import MissionError
 from vrchain.experiments import missions, navigation
 from vrchain.experiments.missions import Mission, TrueChain
-from vrchain.experiments.navigation import as_table, evaluate, summarise
+from vrchain.experiments.navigation import as_table, evaluate, routes_of, routes_table, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
 from vrchain.navigation.terms import MissionConfig
@@ -89,6 +89,7 @@ def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> di
         "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
         "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
         "barred": 3, "seconds_simulated": 200.0, "wall_s": 30.0,
+        "routes": [(0.6, False), (0.9, True)],
     }  # fmt: skip
 
 
@@ -112,8 +113,21 @@ def test_the_figures_of_made_up_missions() -> None:
     assert ledger["rejected_draws"] == {"way too long": 12}
     assert (ledger["replans"], ledger["legs"], ledger["barred"]) == (1, 2, 3)
     assert ledger["seconds_simulated"] == 200
+    assert [(r["n"], r["led_there"]) for r in ledger["routes"]] == [
+        (0, None), (6, 0.0), (6, 1.0), (0, None),
+    ]  # fmt: skip
+    assert routes_table({"ledger": ledger}).to_dict("list") == {
+        "arm": ["ledger"] * 2, "trust": ["0.5 - 0.8", "0.8 - 0.95"], "n": [6, 6], "led": [0.0, 1.0],
+    }  # fmt: skip
     assert json.loads(json.dumps(found)) == found
     assert "0.75 [" in as_table(found).success_given_chain["ledger"]
+
+
+def test_what_came_of_routes_is_read_from_the_log() -> None:
+    said = ["no route", "route", "route", "plan again", "route", "approach", "arrived"]
+    log = [{"what": what, "values": {"trust": k / 10}} for k, what in enumerate(said)]
+    assert routes_of(log) == [(0.1, False), (0.4, True)]
+    assert routes_of(log[:2] + log[-2:-1]) == routes_of([]) == []  # broken off, and none
 
 
 def test_without_any_chain_what_is_given_a_chain_is_null() -> None:

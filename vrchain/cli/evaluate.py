@@ -276,6 +276,8 @@ def navigation(
     print(f"landmarks in the shortest chain, and missions: {first['chain_lengths']}")
     print(f"rejected draws: {first['rejected_draws']}")
     print(experiment.as_table(summary).T.to_string())
+    print("\nroutes driven, by the trust in them, and how many led to the goal")
+    print(experiment.routes_table(summary).to_string(index=False, na_rep="-"))
 
 
 def _print_rows(table: "pd.DataFrame", as_json: bool) -> None:

@@ -19,9 +19,10 @@ from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -62,6 +63,7 @@ PATROL_S = 300.0  # for which the others have been under way as a mission starts
 SOON_S = (150, 300)
 REMEMBERED = 40  # panoramas of each robot that others plan by
 _AT_PLACE_M = 1.0
+_TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are counted together
 
 
 class Suburb:
@@ -230,9 +232,25 @@ def evaluate(
     rows = []
     for number, arm in product(range(n_missions), arms):
         row = json.loads(asked.row_file(number, arm).read_text())
-        row.pop("log")
+        row["routes"] = routes_of(row.pop("log"))
         rows.append({"suburb": asked.k(number) if scenes.varied else number, **row})
     return pd.DataFrame(rows), [asked.mission(number) for number in range(n_missions)]
+
+
+def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
+    """Of each route that was driven the trust in it, and whether the mission ended at its end.
+
+    Routes that replaced it on the way are not counted by themselves.
+    """
+    found: list[tuple[float, bool]] = []
+    trust: float | None = None
+    for decision in log:
+        if decision["what"] == "route" and trust is None:
+            trust = decision["values"]["trust"]
+        elif decision["what"] in ("plan again", "arrived", "gave up") and trust is not None:
+            found.append((trust, decision["what"] == "arrived"))
+            trust = None
+    return found
 
 
 @dataclass(frozen=True, eq=False)
@@ -313,7 +331,7 @@ def summarise(
     spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
     counts; replans, legs, barred legs and seconds_simulated are means. Of ledger, times_alone: its
     successes over those of alone. Also how many missions need how many landmarks, and how many
-    draws were rejected for what.
+    draws were rejected for what; and of routes driven, by the trust in them, how many led there.
     """
     suburbs = np.sort(table.suburb.unique())
     again = resampled(len(suburbs), seed, "navigation")
@@ -325,6 +343,7 @@ def summarise(
     for arm, own in table.groupby("arm", sort=False):
         found[str(arm)] = {
             **_summary(own, suburbs, again),
+            "routes": _routes(own),
             "chain_lengths": {str(n): lengths[n] for n in sorted(lengths)},
             "rejected_draws": dict(rejected),
         }
@@ -369,6 +388,17 @@ def _summary(
     return found
 
 
+def _routes(own: pd.DataFrame) -> list[dict[str, object]]:
+    """How many routes were driven on how much trust, and the share that led there."""
+    driven = np.array([route for routes in own.routes for route in routes]).reshape(-1, 2)
+    found: list[dict[str, object]] = []
+    for low, high in pairwise(_TRUST):
+        within = (driven[:, 0] > low) & (driven[:, 0] <= high)
+        share = float(driven[within, 1].mean()) if within.any() else None
+        found.append({"trust": [low, high], "n": int(within.sum()), "led_there": share})
+    return found
+
+
 def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     """The figures to read: one row an arm, intervals in brackets."""
 
@@ -386,3 +416,14 @@ def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     )  # fmt: skip
     rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}
     return pd.DataFrame(rows).T.rename_axis("arm")
+
+
+def routes_table(summary: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+    """How many routes each arm drove on how much trust, and the share that led there."""
+    rows = [
+        {"arm": arm, "trust": "{:g} - {:g}".format(*r["trust"]), "n": r["n"], "led": r["led_there"]}
+        for arm, figures in summary.items()
+        for r in figures["routes"]
+        if r["n"]
+    ]
+    return pd.DataFrame(rows, columns=["arm", "trust", "n", "led"]).round(2)
