@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -124,10 +125,14 @@ def test_the_figures_of_made_up_missions() -> None:
 
 
 def test_what_came_of_routes_is_read_from_the_log() -> None:
-    said = ["no route", "route", "route", "plan again", "route", "approach", "arrived"]
-    log = [{"what": what, "values": {"trust": k / 10}} for k, what in enumerate(said)]
-    assert routes_of(log) == [(0.1, False), (0.4, True)]
-    assert routes_of(log[:2] + log[-2:-1]) == routes_of([]) == []  # broken off, and none
+    def log(*said: str) -> list[dict[str, Any]]:
+        return [{"what": what, "values": {"trust": k / 10}} for k, what in enumerate(said)]
+
+    driven = ("no route", "route", "approach", "route", "plan again")
+    assert routes_of(log(*driven, "route", "approach", "arrived")) == [(0.1, False), (0.5, True)]
+    refuted = ("route", "doubt", "plan again")
+    assert routes_of(log(*refuted, "route", "approach")) == []  # not driven; broken off
+    assert routes_of(log(*refuted, "route", "approach", "gave up")) == [(0.3, False)]
 
 
 def test_without_any_chain_what_is_given_a_chain_is_null() -> None:

@@ -243,12 +243,15 @@ def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
     Routes that replaced it on the way are not counted by themselves.
     """
     found: list[tuple[float, bool]] = []
-    trust: float | None = None
+    trust, driven = None, False
     for decision in log:
-        if decision["what"] == "route" and trust is None:
-            trust = decision["values"]["trust"]
-        elif decision["what"] in ("plan again", "arrived", "gave up") and trust is not None:
-            found.append((trust, decision["what"] == "arrived"))
+        what = decision["what"]
+        if what == "route" and trust is None:
+            trust, driven = decision["values"]["trust"], False
+        elif what == "approach":
+            driven = True
+        elif what in ("plan again", "arrived", "gave up") and trust is not None:
+            found += [(trust, what == "arrived")] if driven else []
             trust = None
     return found
 
