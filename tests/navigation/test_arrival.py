@@ -49,11 +49,11 @@ def arrival() -> Arrival:
     return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
 
 
-def is_sure(*sights: tuple[int, float, float]) -> bool:
-    """Keypoints, range of the goal's side and looks of each sight, a metre apart."""
+def is_sure(*sights: tuple[float, int, float, float]) -> bool:
+    """x_m of the robot, keypoints, range of the goal's side and looks of each sight."""
     seen = tuple(
-        (Pose(float(x_m), 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
-        for x_m, (keypoints, range_m, looks) in enumerate(sights)
+        (Pose(x_m, 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
+        for x_m, keypoints, range_m, looks in sights
     )
     return arrival()._is_sure(Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen))
 
@@ -73,22 +73,41 @@ def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
 
 
 def test_one_good_sight_is_enough() -> None:
-    assert is_sure((10, 15, 3), (54, 12, 3))
+    assert is_sure((0, 10, 15, 2.8), (3, 54, 12, 2.8))
+
+
+def test_sights_from_several_places_add_up_if_it_looks_like_nothing_else() -> None:
+    assert is_sure((0, 20, 15, 3.4), (3, 24, 12, 3.1))
+    assert not is_sure((0, 20, 15, 3.1), (3, 24, 12, 3.1))
+    assert not is_sure((0, 20, 15, 3.4))
 
 
 @pytest.mark.parametrize(
-    "sight",
-    [(30, 12, 3), (80, 4, 3), (80, 12, 2.0)],
-    ids=["too few keypoints", "from too near", "without its looks"],
+    "second",
+    [(1, 24, 12, 3), (3, 24, 4, 3)],
+    ids=["from the same place", "from too near"],
 )
-def test_what_is_not_enough(sight: tuple[int, float, float]) -> None:
-    assert not is_sure((10, 15, 3), sight)
+def test_what_does_not_add(second: tuple[float, int, float, float]) -> None:
+    assert not is_sure((0, 20, 15, 3.4), second)
+
+
+def test_keypoints_without_its_looks_are_not_the_goal() -> None:
+    assert not is_sure((0, 80, 15, 2.0), (3, 80, 12, 2.0))
 
 
 def test_a_house_like_the_goal_is_not_the_goal() -> None:
     """As two were met in a suburb: what agrees are windows and timber of the same make."""
-    assert not is_sure((9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (22, 8, 2.8))
-    assert not is_sure((11, 12, 2.5), (11, 10, 2.6), (11, 7, 2.7), (20, 11, 2.4), (15, 7, 2.5))
+    first = [(9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (19, 10, 2.8), (22, 8, 2.8)]
+    second = [
+        (11, 12, 2.5),
+        (11, 10, 2.6),
+        (11, 7, 2.7),
+        (13, 12, 2.2),
+        (20, 11, 2.4),
+        (15, 7, 2.5),
+    ]
+    for sights in (first, second):
+        assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
 
 
 def test_never_seen_is_never_sure() -> None:
@@ -150,3 +169,17 @@ def test_how_far_it_is_is_told_by_how_it_grew(taken_m: float, range_m: float) ->
     else:
         assert there == pytest.approx([goal_x_m, 0.0])
     assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
+
+
+@pytest.mark.parametrize("short_m", [-8.0, 8.0])
+def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: float) -> None:
+    """As it was met: by size a house was 8 m behind the robot, which stood before it."""
+    sights = []
+    for x_m in (0.0, 3.0, 6.0, 8.0):
+        range_m = 20.0 - short_m - x_m
+        sight = GoalSight(0.0, range_m, range_m, 0.2, 20, 3.0, 0.99, sized=True)
+        sights.append((Pose(x_m, 0.0), sight))
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(20.0, 0.0)
+    there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    assert (there is None) == (short_m > 0)

@@ -25,7 +25,7 @@ _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
-_SHAPE_M = 5.0  # sights from nearer show no shape
+_SHAPE_M, _APART_M = 5.0, 2.0  # sights from nearer show no shape; from places nearer are one
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
@@ -37,8 +37,8 @@ _LOOKS_FAR_M, _LATELY = 7.0, 3  # to where it looks to be, by so many of the lat
 _IS_FAR_M, _GROWN, _GROWN_M, _SCALES = 4.0, 4, 9.0, (0.6, 1.6)
 _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
-_HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, and on to where it is looked at
-_SIDE_S = 25.0  # to get there
+_HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
+_SIDE_S = 30.0  # to get there
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,21 +121,24 @@ class Arrival:
             if there is None:
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
-            before = self.pilot.here
-            suspect = self._close_in(replace(suspect, place=Place(there, 4.0 * np.eye(2))))
+            before, behind = self.pilot.here, replace(suspect, place=Place(there, 4.0 * np.eye(2)))
+            suspect = self._close_in(behind)
             if self.pilot.here.distance_to_m(before.xy_m) < _HEADWAY_M:
-                return self._give_up(suspect.place)
-        else:
-            return self._give_up(suspect.place)
-        if self._is_at(suspect.place):
+                suspect = behind  # from another side, then
+                break
+        if self._is_there(suspect):
             self._draw_up(suspect)
             return True
         for seen in self._sides(suspect):
             suspect = self._close_in(seen)
-            if self._is_at(suspect.place) and self._behind_this(suspect) is None:
+            if self._is_there(suspect):
                 self._draw_up(suspect)
                 return True
         return self._give_up(suspect.place)
+
+    def _is_there(self, suspect: Suspect) -> bool:
+        """Whether the robot has got to it, and it is as large as it should be."""
+        return self._is_at(suspect.place) and self._behind_this(suspect) is None
 
     def _give_up(self, place: Place) -> bool:
         """What cannot be reached is tried once more, later; never arrived."""
@@ -169,13 +172,17 @@ class Arrival:
     def _is_sure(self, suspect: Suspect) -> bool:
         """Whether arrival may be claimed there: more is seen of it than of a house of its make."""
         config = self.pilot.config
-        return any(
-            sight.n_matches - BY_CHANCE >= config.sure_matches
-            and sight.chance >= config.sure_chance
-            and sight.looks >= config.sure_looks
-            and sight.surface_m >= _SHAPE_M
-            for _, sight in suspect.sights
-        )
+        counted: list[tuple[Pose, GoalSight]] = []  # from places apart
+        for here, sight in suspect.sights:
+            apart = all(here.distance_to_m(there.xy_m) >= _APART_M for there, _ in counted)
+            if apart and sight.chance >= config.likely and sight.surface_m >= _SHAPE_M:
+                counted.append((here, sight))
+        keypoints = [max(0, sight.n_matches - BY_CHANCE) for _, sight in counted]
+        looks = [sight.looks for _, sight in counted if sight.chance >= config.sure_chance]
+        surest = max(looks, default=-np.inf)
+        if surest >= config.surest_looks and sum(keypoints) >= config.sure_sum:
+            return True
+        return surest >= config.sure_looks and max(keypoints) >= config.sure_matches
 
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
@@ -236,17 +243,18 @@ class Arrival:
         """What is seen of it from places around it, from one after the other."""
         pilot = self.pilot
         away = suspect.place.xy_m - pilot.here.xy_m
-        middle = suspect.place.xy_m + _HALF_M * away / max(float(np.hypot(*away)), 0.1)
+        half_m = max(_HALF_M, _width_m(suspect) / 2)
+        middle = suspect.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1)
         first = np.arctan2(*(pilot.here.xy_m - middle)[::-1])
         for turn in _SIDES:
             angle = first + turn * np.pi / 3
             outward = np.array([np.cos(angle), np.sin(angle)])
-            stand_xy_m = middle + (_HALF_M + _AROUND_M) * outward
+            stand_xy_m = middle + (half_m + _AROUND_M) * outward
             until_ns = pilot.now.time_ns + int(_SIDE_S * 1e9)
             while pilot.now.time_ns < until_ns and pilot.here.distance_to_m(stand_xy_m) > 1.5:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
                     break
-            side = Place(middle + _HALF_M * outward, 4.0 * np.eye(2))
+            side = Place(middle + half_m * outward, 4.0 * np.eye(2))
             suspect = self._regarded(replace(suspect, place=side))
             yield suspect
 
@@ -307,7 +315,9 @@ class Arrival:
         away = range_m[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
         scale, far_m = _looming(stood, away)
         there = np.median((stood + scale * away)[-_LATELY:], axis=0)
-        return there if self.pilot.here.distance_to_m(there) > far_m else None
+        onward = there - self.pilot.here.xy_m
+        beyond = float(np.hypot(*onward)) > far_m and float(onward @ away[-1]) > 0
+        return there if beyond else None
 
 
 def _looming(stood_m: Array, away_m: Array) -> tuple[float, float]:
