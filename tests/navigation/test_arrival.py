@@ -91,23 +91,22 @@ def test_what_does_not_add(second: tuple[float, int, float, float]) -> None:
     assert not is_sure((0, 20, 15, 3.4), second)
 
 
-def test_keypoints_without_its_looks_are_not_the_goal() -> None:
-    assert not is_sure((0, 80, 15, 2.0), (3, 80, 12, 2.0))
+@pytest.mark.parametrize("keypoints", [40, 80])
+def test_keypoints_without_its_looks_are_not_the_goal(keypoints: int) -> None:
+    assert not is_sure((0, keypoints, 15, 2.0), (3, keypoints, 12, 2.0))
 
 
-def test_a_house_like_the_goal_is_not_the_goal() -> None:
-    """As two were met in a suburb: what agrees are windows and timber of the same make."""
-    first = [(9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (19, 10, 2.8), (22, 8, 2.8)]
-    second = [
-        (11, 12, 2.5),
-        (11, 10, 2.6),
-        (11, 7, 2.7),
-        (13, 12, 2.2),
-        (20, 11, 2.4),
-        (15, 7, 2.5),
-    ]
-    for sights in (first, second):
-        assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
+@pytest.mark.parametrize(
+    "sights",
+    [
+        [(11, 29, 3.1), (13, 22, 2.8), (9, 15, 3.3)],
+        [(9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (19, 10, 2.8), (22, 8, 2.8)],
+        [(11, 12, 2.5), (11, 10, 2.6), (11, 7, 2.7), (13, 12, 2.2), (20, 11, 2.4), (15, 7, 2.5)],
+    ],
+)
+def test_a_house_like_the_goal_is_not_the_goal(sights: list[tuple[int, float, float]]) -> None:
+    """As three were met in suburbs: what agrees are windows, doors and timber of the same make."""
+    assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
 
 
 def test_never_seen_is_never_sure() -> None:

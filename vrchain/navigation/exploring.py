@@ -7,6 +7,7 @@ along a suburb's edge there is little to find.
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial.distance import cdist
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.navigation.driving import Array, Pilot
@@ -60,7 +61,7 @@ class Explorer:
         rim = (apart_m + 1.0) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         places = (known[:, None] + rim).reshape(-1, 2)
         places = places if self._target is None else np.vstack([self._target, places])
-        new = _apart_m(places, known).min(axis=1) >= apart_m
+        new = cdist(places, known).min(axis=1) >= apart_m
         own = self._target is not None and bool(new[0])
         near = np.hypot(*(places - pilot.here.xy_m).T) < _WITHIN_M
         places = places[new & near]
@@ -78,11 +79,6 @@ class Explorer:
     def _to_see(self, places: Array) -> Array:
         """How much stands around each that was seen from afar only: (n,)."""
         things, looked = np.concatenate(self.pilot.standing), np.array(self.pilot.looked)
-        afar = _apart_m(things, looked).min(axis=1) > _SEEN_M
+        afar = cdist(things, looked).min(axis=1) > _SEEN_M
         cells = _CELL_M * np.unique(np.round(things[afar] / _CELL_M), axis=0)
-        return np.asarray((_apart_m(places, cells) < _SHOWS_M).sum(axis=1))
-
-
-def _apart_m(a: Array, b: Array) -> Array:
-    """How far each of A, (n, 2), is from each of B, (m, 2): (n, m)."""
-    return np.asarray(np.hypot(*(a[:, None] - b).transpose(2, 0, 1)))
+        return np.asarray((cdist(places, cells) < _SHOWS_M).sum(axis=1))

@@ -33,8 +33,9 @@ class MissionConfig:
     sure_looks: float = 2.6  # log-likelihood ratio of its looks, most houses like it have less, and
     # keypoints more than by chance in one sight, to claim arrival; or its looks tell so much, and
     # its sights together have so many. In a suburb of seed 1330 two houses of the goal's make had
-    # 23 and 16 in one sight, 76 and 57 in all, and looks of 2.8 and 2.7; of twelve goals all but
-    # one 50 or more in one sight, all 51 or more in all, and looks of 3.4 or more.
+    # 23 and 16 in one sight, 76 and 57 in all, and looks of 2.8 and 2.7, in another suburb one had
+    # 9, 21 and 3.3; of twelve goals all but one had 50 or more in one sight, all 51 or more in all,
+    # and looks of 3.4 or more.
     sure_matches: int = 36
     surest_looks: float = 3.2
     sure_sum: int = 30
