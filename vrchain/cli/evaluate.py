@@ -260,6 +260,7 @@ def navigation(
     on.
     """
     from vrchain.experiments import navigation as experiment
+    from vrchain.experiments import navigation_scores as scores
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
@@ -268,16 +269,16 @@ def navigation(
         folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
         landmarks=landmarks, patrol_s=patrol, wrong_edges=wrong_edges, barred=barred, jobs=jobs,
     )  # fmt: skip
-    summary = experiment.summarise(*found)
+    summary = scores.summarise(*found)
     if as_json:
         print(json.dumps(summary))
         return
     first = next(iter(summary.values()))
     print(f"landmarks in the shortest chain, and missions: {first['chain_lengths']}")
     print(f"rejected draws: {first['rejected_draws']}")
-    print(experiment.as_table(summary).T.to_string())
+    print(scores.as_table(summary).T.to_string())
     print("\nroutes driven, by the trust in them, and how many led to the goal")
-    print(experiment.routes_table(summary).to_string(index=False, na_rep="-"))
+    print(scores.routes_table(summary).to_string(index=False, na_rep="-"))
 
 
 def _print_rows(table: "pd.DataFrame", as_json: bool) -> None:

@@ -15,24 +15,21 @@ ledger in bytes alone.
 
 import json
 import tempfile
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from time import perf_counter
-from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from vrchain.errors import MissionError
 from vrchain.experiments.barred import Barred
-from vrchain.experiments.intervals import by_suburb, ratio, resampled
 from vrchain.experiments.mission import index_of, is_at, published_of
 from vrchain.experiments.missions import PLACE, Ground, Mission
+from vrchain.experiments.navigation_scores import routes_of
 from vrchain.experiments.oracle import Oracle
 from vrchain.experiments.patrol import Patrol
 from vrchain.experiments.scenes import Scenes
@@ -60,10 +57,8 @@ FORMAT = 8
 ARMS = ("ledger", "alone", "oracle")
 SUBURBS = 10  # of a hundred missions
 PATROL_S = 300.0  # for which the others have been under way as a mission starts
-SOON_S = (150, 300)
 REMEMBERED = 40  # panoramas of each robot that others plan by
 _AT_PLACE_M = 1.0
-_TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are counted together
 
 
 class Suburb:
@@ -237,25 +232,6 @@ def evaluate(
     return pd.DataFrame(rows), [asked.mission(number) for number in range(n_missions)]
 
 
-def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
-    """Of each route that was driven the trust in it, and whether the mission ended at its end.
-
-    Routes that replaced it on the way are not counted by themselves.
-    """
-    found: list[tuple[float, bool]] = []
-    trust, driven = None, False
-    for decision in log:
-        what = decision["what"]
-        if what == "route" and trust is None:
-            trust, driven = decision["values"]["trust"], False
-        elif what == "approach":
-            driven = True
-        elif what in ("plan again", "arrived", "gave up") and trust is not None:
-            found += [(trust, what == "arrived")] if driven else []
-            trust = None
-    return found
-
-
 @dataclass(frozen=True, eq=False)
 class _Evaluation:
     """What is asked of every mission, and where it and what came of it are kept."""
@@ -323,110 +299,3 @@ class _Evaluation:
 def _suburb(scenes: Scenes, seed: int, k: int, rig: CameraRig) -> Suburb:
     """The one at work."""
     return Suburb(scenes, seed, k, rig)
-
-
-def summarise(
-    table: pd.DataFrame, missions: Sequence[Mission], *, seed: int = 0
-) -> dict[str, dict[str, object]]:
-    """The figures of each arm, with 95 % intervals under NAME_ci: bootstrap over suburbs.
-
-    success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
-    spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
-    counts; replans, legs, barred legs and seconds_simulated are means. Of ledger, times_alone: its
-    successes over those of alone. Also how many missions need how many landmarks, and how many
-    draws were rejected for what; and of routes driven, by the trust in them, how many led there.
-    """
-    suburbs = np.sort(table.suburb.unique())
-    again = resampled(len(suburbs), seed, "navigation")
-    lengths = Counter(len(m.chain.landmarks) if m.chain else 0 for m in missions)
-    rejected: Counter[str] = Counter()
-    for mission in missions:
-        rejected.update(mission.rejected)
-    found: dict[str, dict[str, object]] = {}
-    for arm, own in table.groupby("arm", sort=False):
-        found[str(arm)] = {
-            **_summary(own, suburbs, again),
-            "routes": _routes(own),
-            "chain_lengths": {str(n): lengths[n] for n in sorted(lengths)},
-            "rejected_draws": dict(rejected),
-        }
-    if {"ledger", "alone"} <= found.keys():
-        ours, theirs = (
-            by_suburb(table[table.arm == arm].success, table[table.arm == arm].suburb, suburbs)
-            for arm in ("ledger", "alone")
-        )
-        found["ledger"] |= ratio("times_alone", ours, theirs, again)
-    return found
-
-
-def _summary(
-    own: pd.DataFrame, suburbs: NDArray[np.int64], again: NDArray[np.int64]
-) -> dict[str, object]:
-    success = own.success.astype(float)
-    chained = own[own.chain > 0]
-    spl: pd.Series = success * own.way_m / np.maximum(own.driven_m, own.way_m)
-    chain_way_m = chained.chain_way_m.astype(float)
-    spl_chain = chained.success.astype(float) * chain_way_m
-    spl_chain = spl_chain / np.maximum(chained.driven_m, chain_way_m)
-    found: dict[str, object] = {"n": len(own), "n_with_chain": len(chained)}
-    soon = {f"success_{s}_s": success * (own.seconds_simulated <= s) for s in SOON_S}
-    for name, values, of in (
-        ("success", success, own),
-        *((name, values, own) for name, values in soon.items()),
-        ("success_given_chain", chained.success, chained),
-        ("spl", spl, own),
-        ("spl_chain", spl_chain, chained),
-    ):
-        one = pd.Series(1.0, index=of.index)
-        found |= ratio(
-            name,
-            by_suburb(values, of.suburb, suburbs),
-            by_suburb(one, of.suburb, suburbs),
-            again,
-        )
-    found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
-    found["collisions"] = int(own.collisions.sum())
-    for name in ("replans", "legs", "barred", "seconds_simulated", "wall_s"):
-        found[name] = float(own[name].mean())
-    return found
-
-
-def _routes(own: pd.DataFrame) -> list[dict[str, object]]:
-    """How many routes were driven on how much trust, and the share that led there."""
-    driven = np.array([route for routes in own.routes for route in routes]).reshape(-1, 2)
-    found: list[dict[str, object]] = []
-    for low, high in pairwise(_TRUST):
-        within = (driven[:, 0] > low) & (driven[:, 0] <= high)
-        share = float(driven[within, 1].mean()) if within.any() else None
-        found.append({"trust": [low, high], "n": int(within.sum()), "led_there": share})
-    return found
-
-
-def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
-    """The figures to read: one row an arm, intervals in brackets."""
-
-    def shown(figures: Mapping[str, object], name: str) -> str:
-        value, interval = figures.get(name), figures.get(f"{name}_ci")
-        if not isinstance(value, float):
-            return "-" if value is None else str(value)
-        ends = f" [{interval[0]:.2f}, {interval[1]:.2f}]" if isinstance(interval, list) else ""
-        return f"{value:.2f}{ends}"
-
-    names = (
-        "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
-        "success_given_chain", "times_alone", "spl", "spl_chain",
-        "false_arrivals", "collisions", "replans", "legs", "barred", "seconds_simulated", "wall_s",
-    )  # fmt: skip
-    rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}
-    return pd.DataFrame(rows).T.rename_axis("arm")
-
-
-def routes_table(summary: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
-    """How many routes each arm drove on how much trust, and the share that led there."""
-    rows = [
-        {"arm": arm, "trust": "{:g} - {:g}".format(*r["trust"]), "n": r["n"], "led": r["led_there"]}
-        for arm, figures in summary.items()
-        for r in figures["routes"]
-        if r["n"]
-    ]
-    return pd.DataFrame(rows, columns=["arm", "trust", "n", "led"]).round(2)
