@@ -25,7 +25,7 @@ _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
-_SHAPE_M, _APART_M = 5.0, 2.0  # sights from nearer show no shape; from places nearer are one
+_SHAPE_M = 5.0  # sights from nearer show no shape
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
@@ -172,17 +172,15 @@ class Arrival:
     def _is_sure(self, suspect: Suspect) -> bool:
         """Whether arrival may be claimed there: more is seen of it than of a house of its make."""
         config = self.pilot.config
-        counted: list[tuple[Pose, GoalSight]] = []  # from places apart
-        for here, sight in suspect.sights:
-            apart = all(here.distance_to_m(there.xy_m) >= _APART_M for there, _ in counted)
-            if apart and sight.chance >= config.likely and sight.surface_m >= _SHAPE_M:
-                counted.append((here, sight))
-        keypoints = [max(0, sight.n_matches - BY_CHANCE) for _, sight in counted]
-        looks = [sight.looks for _, sight in counted if sight.chance >= config.sure_chance]
-        surest = max(looks, default=-np.inf)
-        if surest >= config.surest_looks and sum(keypoints) >= config.sure_sum:
+        told = [
+            (max(0, sight.n_matches - BY_CHANCE), sight.looks)
+            for _, sight in suspect.sights
+            if sight.chance >= config.sure_chance and sight.surface_m >= _SHAPE_M
+        ]
+        if any(n >= config.surest_matches and x >= config.surest_looks for n, x in told):
             return True
-        return surest >= config.sure_looks and max(keypoints) >= config.sure_matches
+        many = any(n >= config.sure_matches for n, _ in told)
+        return many and any(x >= config.sure_looks for _, x in told)
 
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
