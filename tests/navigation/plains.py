@@ -245,3 +245,26 @@ class PlainIndex(LandmarkIndex[Look]):
     def published(self) -> dict[str, Published]:
         """The older a panorama by its name, the earlier."""
         return {name: Published(name.encode(), -age_of(name)) for name in self.poses}
+
+
+GOAL_XY = (16.0, 8.0)
+HOME = Pose(0, 0, 0.5)
+TEAM = {"R2": Pose(10.0, 4.5, 2.0)}
+
+
+def beyond(x_m: float):
+    """Visible only from east of x."""
+    return lambda pose: pose.x_m > x_m
+
+
+def street(**goal: object) -> Plain:
+    """A goal that hides from the west, a landmark on the way, and bystanders."""
+    return Plain(
+        (
+            Thing("goal", GOAL_XY, **{"visible_from": beyond(5.0), **goal}),
+            Thing("landmark", (9.0, 1.0), radius_m=1.0),
+            Thing("left", (4.0, 9.0)),
+            Thing("right", (6.0, -8.0)),
+            Thing("far", (18.0, -9.0)),
+        )
+    )

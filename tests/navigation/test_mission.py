@@ -6,16 +6,27 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from navigation.plains import CALIBRATION, EYES, Plain, PlainIndex, Thing, Walker
+from navigation.plains import (
+    CALIBRATION,
+    EYES,
+    GOAL_XY,
+    HOME,
+    TEAM,
+    Plain,
+    PlainIndex,
+    Thing,
+    Walker,
+    beyond,
+    street,
+)  # fmt: skip
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose, relative
-from vrchain.landmarks.common import CommonLandmark, Comparison, Region
+from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
-from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes
 from vrchain.navigation.goal import GoalPictures
-from vrchain.navigation.mission import MissionResult, _is_idle, _left_of, _Mission, run_mission
+from vrchain.navigation.mission import MissionResult, _is_idle, _left_of, run_mission
 from vrchain.navigation.places import Place
 from vrchain.navigation.route import Leg
 from vrchain.navigation.terms import (
@@ -26,36 +37,13 @@ from vrchain.navigation.terms import (
     robot_of,
 )
 
-GOAL_XY = (16.0, 8.0)
-HOME = Pose(0, 0, 0.5)
 QUICK = MissionConfig(limit_s=200.0, explores=False)
 PATIENT = MissionConfig(explores=False)
-
-
-def beyond(x_m: float):
-    """Visible only from east of x."""
-    return lambda pose: pose.x_m > x_m
 
 
 def within(centre: tuple[float, float], range_m: float):
     """Visible from so near only."""
     return lambda pose: pose.distance_to_m(centre) < range_m
-
-
-def street(**goal: object) -> Plain:
-    """A goal that hides from the west, a landmark on the way, and bystanders."""
-    return Plain(
-        (
-            Thing("goal", GOAL_XY, **{"visible_from": beyond(5.0), **goal}),
-            Thing("landmark", (9.0, 1.0), radius_m=1.0),
-            Thing("left", (4.0, 9.0)),
-            Thing("right", (6.0, -8.0)),
-            Thing("far", (18.0, -9.0)),
-        )
-    )
-
-
-TEAM = {"R2": Pose(10.0, 4.5, 2.0)}
 
 
 def drive(
@@ -276,76 +264,6 @@ def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(trust: float, why: 
     assert not result.arrived
     assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
     assert why in [d.why for d in result.decisions]
-
-
-@pytest.mark.parametrize(("trust", "join_is_blamed"), [(0.6, True), (1.0, False)])
-def test_what_is_least_sure_is_blamed_for_leading_astray(
-    trust: float, join_is_blamed: bool
-) -> None:
-    """Of a sight of the goal and the joins that lead there."""
-    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: trust)
-    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
-    ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
-    look = pilot.look_around()
-    found = ours.plan(look)
-    assert found.route is not None and 0.6 < found.route.sighting.chance < 1.0
-    ours.blame(found.route, found)
-    # R3 stood beside R2 and saw the same
-    assert ours.doubted == (set() if join_is_blamed else {b"R2", b"R3"})
-    nothing = Comparison((), None)
-    assert ours.trust(found.looks["R2"], look, nothing) == (0.0 if join_is_blamed else trust)
-    again = ours.plan(look).route
-    assert again is None if not join_is_blamed else again and again.robots == ("R1", "R3")
-    assert ours.trust(pilot.look_around(), found.looks["R2"], nothing) == trust  # looked anew
-
-
-@pytest.mark.parametrize(
-    ("away_m", "trust", "elsewhere"),
-    [((1.0, 4.0), 0.0, True), ((1.0, 4.0), 0.9, False), ((1.0, 40.0), 0.0, False)],
-)
-def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
-    away_m: tuple[float, float], trust: float, elsewhere: bool
-) -> None:
-    """Two that should have stood so near must be known again; of one alone nothing is told."""
-    trusts = {"now": 0.9}
-    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: trusts["now"])
-    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    told: list[Decision] = []
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
-    ours = _Mission("R1", pilot, index.published, index, goal, told.append)
-    look = pilot.look_around()
-    found = ours.plan(look)
-    assert found.route is not None and not ours.is_elsewhere(look)  # nothing is driven yet
-    ours.driven = found.route, found
-    ours.expected = [
-        (digest, Pose(pilot.here.x_m + off_m, pilot.here.y_m))
-        for digest, off_m in zip((b"R2", b"R3"), away_m, strict=True)
-    ]
-    trusts["now"] = trust
-    assert ours.is_elsewhere(look) == elsewhere
-    assert [d.what for d in told] == (["elsewhere", "doubt"] if elsewhere else [])
-    assert len(ours.refuted) == elsewhere
-
-
-def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
-    """R2 is not sure, but R3 beside it is: then it was the join that led astray."""
-    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: 0.97)
-    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
-    for surest, join_is_blamed in ((0.9, False), (0.99, True)):
-        ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
-        found = ours.plan(pilot.look_around())
-        assert found.route is not None
-        sights = {n: replace(s, chance=0.8) for n, s in found.goal_seen_by.items()}
-        other = ({"R2", "R3"} - {found.route.seen_by}).pop()
-        sights[other] = replace(sights[other], chance=surest)
-        ours.blame(found.route, replace(found, goal_seen_by=sights))
-        assert bool(ours.refuted) == join_is_blamed
-        assert ours.doubted == (set() if join_is_blamed else {b"R2", b"R3"})
 
 
 def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:

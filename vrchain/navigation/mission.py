@@ -12,18 +12,18 @@ from typing import Any
 import numpy as np
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.arrival import NEAR_M, Arrival, Suspect
+from vrchain.navigation.doubts import SAME_M, Doubts, Driven
 from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.exploring import Explorer
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import FoundOnce, KnownGoal
 from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
-from vrchain.navigation.places import Place, sighted
+from vrchain.navigation.places import Place
 from vrchain.navigation.route import LandmarkKey, Leg, Plan, Route, plan
-from vrchain.navigation.stands import ORIGIN, SURE
-from vrchain.navigation.targets import stands_of, targets
+from vrchain.navigation.stands import SURE
+from vrchain.navigation.targets import targets
 from vrchain.navigation.terms import (
     Body,
     Decision,
@@ -38,11 +38,8 @@ from vrchain.panorama import Panorama
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near
 _LARGE_M = 6.0  # from a landmark's middle to its side, at most
 _PATIENCE = 0.97  # times as sure need a route be, after each look elsewhere, to be worth driving
-_SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _BETTER = 1.2  # times as sure a route is taken instead of the one that is driven,
 _AFRESH = 0.8  # or so many times as sure a one by the same panoramas: from here more is known
-_ASKED, _KNOWN_M = 2, 12.0  # panoramas from so near are known again,
-_NOTHING = 0.05  # or else this is the trust in a join with them
 _ELSEWHERE = "elsewhere"
 _DETOUR = 1.5  # times the straight way: so long a way round is not followed, if it is surely one
 _OWN = 8  # latest looks from which a route may begin
@@ -107,11 +104,6 @@ def _left_of(route: Route, passed: int) -> Route:
     return replace(route, score=min(1.0, route.score / float(behind)))
 
 
-def _digests(route: Route, found: Plan) -> frozenset[bytes]:
-    """Of the others' panoramas that it leads by."""
-    return frozenset(found.published[n].digest for n in route.robots if n in found.published)
-
-
 def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool:
     """Whether the way to a place is for nothing: what comes later is nearer, or far nearer so."""
     sure = leg.by_odometry or leg.trust >= SURE
@@ -122,15 +114,6 @@ def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool
         if range_m < place.range_m(here) or (sure and way_m > _DETOUR * range_m):
             return True
     return False
-
-
-def _expected(route: Route, found: Plan, begin: Pose) -> list[tuple[bytes, Pose]]:
-    """Where others took the panoramas of a route, as far as something tells, by their digests."""
-    taken = zip(route.robots, stands_of(route, found.joins, begin), strict=True)
-    return [
-        (found.published[name].digest, stand) for name, stand in taken
-        if stand is not None and name in found.published
-    ]  # fmt: skip
 
 
 class _Mission:
@@ -152,11 +135,8 @@ class _Mission:
         self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
         self.reached: set[LandmarkKey] = set()
-        self.driven: tuple[Route, Plan] | None = None
-        self.expected: list[tuple[bytes, Pose]] = []  # where its panoramas should have been taken
-        self.in_vain: list[Array] = []  # where the goal should have been
-        self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
-        self.doubted: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
+        self.driven: Driven | None = None
+        self.doubts = Doubts(pilot.eyes, index, self.log)
         self.arrival = (
             PlaceArrival(pilot, goal, self.log)
             if isinstance(goal, GoalPlace)
@@ -218,8 +198,8 @@ class _Mission:
         self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
         latest = self.own[:_OWN]
         return plan(
-            self.robot, look, published, self.index, self.goal, self.failed, self.doubted,
-            self.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
+            self.robot, look, published, self.index, self.goal, self.failed, self.doubts.sights,
+            self.doubts.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
             [stood for stood, _, _ in latest],
         )  # fmt: skip
 
@@ -261,20 +241,16 @@ class _Mission:
             own for k, own in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
         )
         self.plans.append((first, route))
-        self.driven = route, found
-        self.expected = _expected(route, found, begin)
+        self.driven = driven = Driven(route, found, begin)
         looks = [found.looks[name] for name in names]
         trackers, goal, lookout = targets(
             route, looks, found.joins, found.goal_seen_by, begin, pilot.here, pilot.eyes.calibration
         )
-        if goal is not None and (
-            self.arrival.was_mistaken(goal)
-            or any(np.hypot(*(goal.xy_m - before)) < _SAME_M for before in self.in_vain)
-        ):
+        if goal is not None and (self.arrival.was_mistaken(goal) or self.doubts.was_in_vain(goal)):
             self.log(
                 "doubt", f"no goal is where {route.seen_by} should see it, as was found before"
             )
-            self.blame(route, found)
+            self.doubts.blame(driven)
             return False
         drove = False
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
@@ -314,83 +290,29 @@ class _Mission:
             return False
         if self.home(goal, route):
             return True
-        shown, refuted = goal.range_m(pilot.here) < NEAR_M, len(self.refuted)
+        shown, refuted = goal.range_m(pilot.here) < NEAR_M, len(self.doubts.refuted)
         if lookout is not None and self.from_lookout(lookout, _left_of(route, len(route.legs))):
             return True
-        if len(self.refuted) > refuted:
+        if len(self.doubts.refuted) > refuted:
             return False
         if not shown:
             self.failed.update(leg.key for leg in route.legs[-1:])
             return False
-        self.in_vain.append(goal.xy_m)
-        self.blame(route, found)
+        self.doubts.found_nothing(goal, driven)
         return False
-
-    def blame(self, route: Route, found: Plan) -> None:
-        """What led to where no goal is: the join that is least sure, or the sight if it is less."""
-        same = {n for n in found.goal_seen_by if self.one_thing(found, route.seen_by, n)}
-        names = sorted({route.seen_by, *same})
-        leg = min(route.legs, key=lambda leg: leg.trust)
-        if leg.trust < max(found.goal_seen_by[name].chance for name in names):
-            self.refute(leg, found)
-            return
-        self.log("doubt", f"what {', '.join(names)} saw is not the goal")
-        self.doubted.update(found.published[name].digest for name in names)
-
-    def refute(self, leg: Leg, found: Plan) -> None:
-        """The two panoramas of a leg are not joined again."""
-        self.log("doubt", f"{leg.seen_by} and {leg.next_by} were not joined rightly")
-        self.refuted.append((found.looks[leg.seen_by], found.looks[leg.next_by]))
-
-    def is_elsewhere(self, look: Look) -> bool:
-        """Whether what was seen from near here looks nothing like it: then a join was wrong.
-
-        Panoramas so near to each other are as good as always joined.
-        """
-        here = self.pilot.here
-        near = sorted((here.distance_to_m(stand.xy_m), digest) for digest, stand in self.expected)
-        asked = [digest for range_m, digest in near[:_ASKED] if range_m < _KNOWN_M]
-        if self.driven is None or len(asked) < _ASKED:
-            return False
-        for digest in asked:
-            found = self.index.compare_with(look, digest)
-            if found.common and self.trust(look, self.index.look(digest), found) >= _NOTHING:
-                return False
-        route, plan = self.driven
-        joined = [leg for leg in route.legs if not leg.by_odometry]
-        self.log("elsewhere", "nothing here is as others should have seen it")
-        self.refute(min(joined, key=lambda leg: leg.trust), plan)
-        return True
-
-    def one_thing(self, found: Plan, a: str, b: str) -> bool:
-        """Whether what two surely joined panoramas take for the goal is in one place."""
-        stand = found.joins.stand(a, b)
-        if stand is None or found.joins.trust((a, b)) < SURE:
-            return False
-        one, other = (
-            sighted(pose, sight.bearing_rad, sight.surface_m).xy_m
-            for pose, sight in ((ORIGIN, found.goal_seen_by[a]), (stand, found.goal_seen_by[b]))
-        )
-        return bool(np.hypot(*(one - other)) < _SAME_M)
-
-    def trust(self, a: Look, b: Look, compared: Comparison) -> float:
-        """The chance that two panoramas were joined rightly, none if that was refuted."""
-        if any({id(a), id(b)} == {id(one), id(other)} for one, other in self.refuted):
-            return 0.0
-        return self.pilot.eyes.trust(a, b, compared)
 
     def regard(self, look: Look, route: Route) -> "Suspect | Onward | str | None":
         """What a look on the way tells: what may be the goal, a better route, or a wrong one."""
         suspect = self.arrival.note(look)
         if suspect is not None and suspect.chance >= self.config.likely:
             return suspect
-        if self.is_elsewhere(look):
+        if self.driven and self.doubts.is_elsewhere(look, self.pilot.here, self.driven):
             return _ELSEWHERE
         again = self.plan(look)
         if again.route is None:
             return None
-        driven = _digests(*self.driven) if self.driven else frozenset()
-        better = _BETTER if driven.isdisjoint(_digests(again.route, again)) else _AFRESH
+        driven = self.driven.plan.digests if self.driven else frozenset()
+        better = _BETTER if driven.isdisjoint(again.digests) else _AFRESH
         if again.route.score <= better * route.score:
             return None
         if again.route.trust < min(route.trust, self.config.least_trust):
@@ -403,7 +325,7 @@ class _Mission:
         if suspect is not None and suspect.chance >= self.config.likely:
             if self.arrival.drive_to(suspect):
                 return True
-            if np.hypot(*(suspect.place.xy_m - place.xy_m)) < _SAME_M:
+            if np.hypot(*(suspect.place.xy_m - place.xy_m)) < SAME_M:
                 return False
         return self.arrival.drive_to(Suspect(place, route.score))
 

@@ -97,6 +97,12 @@ class Plan:
     joins: Joins = field(default_factory=lambda: Joins({}))
 
     @property
+    def digests(self) -> frozenset[bytes]:
+        """Of the others' panoramas that the route leads by."""
+        names = self.route.robots if self.route else ()
+        return frozenset(self.published[name].digest for name in names if name in self.published)
+
+    @property
     def why_none(self) -> str:
         """Why there is no route, in plain words; empty if there is one."""
         if self.route is not None:

@@ -1,0 +1,87 @@
+"""What is blamed where a chain led astray."""
+
+from dataclasses import replace
+
+import pytest
+
+from navigation.plains import EYES, HOME, TEAM, PlainIndex, Walker, street
+from vrchain.geometry import Pose
+from vrchain.landmarks.common import Comparison
+from vrchain.navigation.doubts import Driven
+from vrchain.navigation.driving import Pilot
+from vrchain.navigation.mission import _Mission
+from vrchain.navigation.terms import Decision, MissionConfig
+
+PATIENT = MissionConfig(explores=False)
+
+
+@pytest.mark.parametrize(("trust", "join_is_blamed"), [(0.6, True), (1.0, False)])
+def test_what_is_least_sure_is_blamed_for_leading_astray(
+    trust: float, join_is_blamed: bool
+) -> None:
+    """Of a sight of the goal and the joins that lead there."""
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    eyes = replace(EYES, trust=lambda a, b, found: trust)
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
+    look = pilot.look_around()
+    found = ours.plan(look)
+    assert found.route is not None and 0.6 < found.route.sighting.chance < 1.0
+    ours.doubts.blame(Driven(found.route, found, pilot.here))
+    # R3 stood beside R2 and saw the same
+    assert ours.doubts.sights == (set() if join_is_blamed else {b"R2", b"R3"})
+    nothing = Comparison((), None)
+    assert ours.doubts.trust(found.looks["R2"], look, nothing) == (0.0 if join_is_blamed else trust)
+    again = ours.plan(look).route
+    assert again is None if not join_is_blamed else again and again.robots == ("R1", "R3")
+    assert ours.doubts.trust(pilot.look_around(), found.looks["R2"], nothing) == trust
+
+
+@pytest.mark.parametrize(
+    ("away_m", "trust", "elsewhere"),
+    [((1.0, 4.0), 0.0, True), ((1.0, 4.0), 0.9, False), ((1.0, 40.0), 0.0, False)],
+)
+def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
+    away_m: tuple[float, float], trust: float, elsewhere: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Two that should have stood so near must be known again; of one alone nothing is told."""
+    trusts = {"now": 0.9}
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    eyes = replace(EYES, trust=lambda a, b, found: trusts["now"])
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    told: list[Decision] = []
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    ours = _Mission("R1", pilot, index.published, index, goal, told.append)
+    look = pilot.look_around()
+    found = ours.plan(look)
+    assert found.route is not None
+    driven = Driven(found.route, found, pilot.here)
+    stood = [
+        (digest, Pose(pilot.here.x_m + off_m, pilot.here.y_m))
+        for digest, off_m in zip((b"R2", b"R3"), away_m, strict=True)
+    ]
+    monkeypatch.setattr(Driven, "expected", lambda self: stood)
+    trusts["now"] = trust
+    assert ours.doubts.is_elsewhere(look, pilot.here, driven) == elsewhere
+    assert [d.what for d in told] == (["elsewhere", "doubt"] if elsewhere else [])
+    assert len(ours.doubts.refuted) == elsewhere
+
+
+def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
+    """R2 is not sure, but R3 beside it is: then it was the join that led astray."""
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    eyes = replace(EYES, trust=lambda a, b, found: 0.97)
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    for surest, join_is_blamed in ((0.9, False), (0.99, True)):
+        ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
+        found = ours.plan(pilot.look_around())
+        assert found.route is not None
+        sights = {n: replace(s, chance=0.8) for n, s in found.goal_seen_by.items()}
+        other = ({"R2", "R3"} - {found.route.seen_by}).pop()
+        sights[other] = replace(sights[other], chance=surest)
+        told = replace(found, goal_seen_by=sights)
+        ours.doubts.blame(Driven(found.route, told, pilot.here))
+        assert bool(ours.doubts.refuted) == join_is_blamed
+        assert ours.doubts.sights == (set() if join_is_blamed else {b"R2", b"R3"})
