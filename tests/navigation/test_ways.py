@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, placed, wrap_angle_rad
 from vrchain.navigation.ways import Ways
+from vrchain.robot import steer
 
 BEAMS = 2 * np.pi * np.arange(72) / 72
 HERE = Pose(0.0, 0.0)
@@ -77,3 +78,32 @@ def test_where_there_was_no_headway_something_is_taken_to_be() -> None:
     ways = Ways()
     ways.block(HERE, 0.0)
     assert abs(ways.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
+
+
+def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:
+    """The range ring before a thin wall along the y axis from -half_m to half_m."""
+    course = here.yaw_rad + BEAMS
+    with np.errstate(divide="ignore", invalid="ignore"):
+        range_m = -here.x_m / np.cos(course)
+        hits_m = here.y_m + range_m * np.sin(course)
+    return np.where((range_m > 0) & (range_m < 8) & (np.abs(hits_m) <= half_m), range_m, 8.0)
+
+
+@pytest.mark.parametrize("y_m", [-1.0, 0.0, 1.0])
+@pytest.mark.parametrize("behind_m", [1.7, 2.5, 5.0])
+def test_what_is_right_behind_a_wall_is_driven_to_round_its_end(
+    y_m: float, behind_m: float
+) -> None:
+    """The way's end is nearer than the wall's: who steers there steers at the wall, for ever."""
+    ways, here, tick_s = Ways(), Pose(-1.1, y_m), 0.3
+    target = np.array([behind_m, y_m])
+    for _ in range(100):
+        ring = ring_before_wall(here, 4.0)
+        ways.note(here, ring)
+        course = ways.course_rad(here, target, 0.7)
+        if course is None:
+            break
+        drive = steer(float(wrap_angle_rad(course - here.yaw_rad)), ring)
+        ahead_m = drive.speed_m_s * tick_s
+        here = placed(here, Pose(ahead_m, 0.0, drive.turn_rad_s * tick_s))
+    assert here.distance_to_m(target) <= 1.0

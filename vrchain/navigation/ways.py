@@ -72,9 +72,24 @@ class Ways:
         way = self.way_m(here, target_xy_m, within_m)
         if len(way) < 2:
             return None
-        ahead = way[np.linalg.norm(way - here.xy_m, axis=1) <= _AHEAD_M]
-        x_m, y_m = (ahead[-1] if len(ahead) else target_xy_m) - here.xy_m
+        x_m, y_m = self._ahead(here, way) - here.xy_m
         return float(np.arctan2(y_m, x_m))
+
+    def _ahead(self, here: Pose, way: Array) -> Array:
+        """The farthest point of a way, not far, to which it can be cut short."""
+        farthest = way[1]
+        for point in way[2:]:
+            onward = point - here.xy_m
+            away_m = float(np.hypot(*onward))
+            if away_m > _AHEAD_M:
+                break
+            across = np.array([-onward[1], onward[0]]) / away_m * _SQUEEZE_M
+            steps = np.linspace(0.0, 1.0, int(away_m / _CELL_M) + 2)[:, None, None]
+            strip = here.xy_m + steps * onward + np.array([[-1.0], [0.0], [1.0]]) * across
+            if (self._met[self._cells(strip.reshape(-1, 2))] > self.driven_m - _KEPT_M).any():
+                break
+            farthest = point
+        return farthest
 
     def way_m(self, here: Pose, target_xy_m: Array, within_m: float) -> Array:
         """The points of a way to within some distance of a target, or as near as there is one."""
