@@ -10,7 +10,14 @@ import pytest
 
 from vrchain import files
 from vrchain.errors import OutputError
-from vrchain.files import check_output_folder, name_of, output_folder, write_file
+from vrchain.files import (
+    _digest_of,
+    check_output_folder,
+    code_digest,
+    name_of,
+    output_folder,
+    write_file,
+)
 
 MARKER = "result.json"
 
@@ -273,6 +280,7 @@ def test_nothing_of_the_module_is_left_untested() -> None:
     public = {n for n, f in vars(files).items() if callable(f) and f.__module__ == files.__name__}
     assert {n for n in public if not n.startswith("_")} == {
         "check_output_folder",
+        "code_digest",
         "name_of",
         "output_folder",
         "write_file",
@@ -283,3 +291,19 @@ def test_results_of_the_same_have_one_name() -> None:
     asked = {"seed": 3, "rows": ["sift", 0.5]}
     assert name_of(asked) == name_of(dict(reversed(asked.items()))) != name_of({**asked, "seed": 4})
     assert name_of(asked).isalnum() and len(name_of(asked)) == 12
+
+
+def test_results_of_other_code_have_another_name(tmp_path: Path) -> None:
+    def digest() -> str:
+        _digest_of.cache_clear()
+        return _digest_of(tmp_path)
+
+    for name in ("mission.py", "cli/main.py", "navigation/driving.py"):
+        write_file(tmp_path / name, b"1")
+    before = digest()
+    write_file(tmp_path / "cli" / "main.py", b"2")
+    write_file(tmp_path / "notes.txt", b"2")
+    assert digest() == before
+    write_file(tmp_path / "navigation" / "driving.py", b"2")
+    assert digest() != before
+    assert len(code_digest()) == 64

@@ -1,6 +1,7 @@
 """Writing results so that a reader sees all of them or none."""
 
 import contextlib
+import functools
 import hashlib
 import json
 import os
@@ -11,10 +12,27 @@ from pathlib import Path
 
 from vrchain.errors import OutputError
 
+_SHOWS = ("cli", "plots", "viewer")
+
 
 def name_of(asked: object) -> str:
     """A short name for results of just this, which is made of plain values."""
     return hashlib.sha256(json.dumps(asked, sort_keys=True).encode()).hexdigest()[:12]
+
+
+def code_digest() -> str:
+    """Of the package's code, pictures and the command line aside: other code, other results."""
+    return _digest_of(Path(__file__).parent)
+
+
+@functools.cache
+def _digest_of(package: Path) -> str:
+    told = hashlib.sha256()
+    for file in sorted(package.rglob("*.py")):
+        own = file.relative_to(package)
+        if own.parts[0] not in _SHOWS:
+            told.update(f"{own.as_posix()} {file.stat().st_size}\n".encode() + file.read_bytes())
+    return told.hexdigest()
 
 
 def check_output_folder(folder: Path, marker: str) -> None:

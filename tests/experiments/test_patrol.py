@@ -1,12 +1,14 @@
 """Robots on patrol: no landmarks are extracted, so that they are quick."""
 
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 from hamlet import hamlet
 from sights import RIG
 
-from vrchain.experiments.mission import published_of
+from vrchain.experiments.mission import index_of, published_of
 from vrchain.experiments.patrol import LOOK_EVERY_M, Patrol
 from vrchain.experiments.team import assemble
 from vrchain.geometry import Pose
@@ -57,8 +59,22 @@ def test_what_others_remember_of_it_is_named_from_the_newest_back(tmp_path: Path
         history = ledger.history("R2")
         known = published_of(ledger, "R1", 99)()
         assert [known[n].digest for n in ("R2", "R2~1")] == [
-            t.payload_digest for t in history[:-3:-1]
+            t.payload_digest + t.landmarks_digest for t in history[:-3:-1]
         ]
         assert known["R2"].time_ns == history[-1].timestamp_ns
         assert set(published_of(ledger, "R1")()) == {"R2", "R3"}
         assert set(published_of(ledger, "R2", 99)()) == {n for n in known if n.startswith("R3")}
+
+
+def test_nobody_tells_what_is_in_the_panorama_of_another(tmp_path: Path) -> None:
+    """R2 publishes what R3 did, with landmarks of its own: R3's panorama keeps R3's."""
+    keys = {name: simulated_key(1, name) for name in ("R1", "R2", "R3")}
+    members = {name: key.public for name, key in keys.items()}
+    eyes = cast(Any, SimpleNamespace(stored=lambda *what: what, compare=None))
+    with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
+        for name, record in (("R3", b"honest"), ("R2", b"lie"), ("R1", None)):
+            ledger.publish(name, keys[name], b"panorama", "start", 1, landmarks=record)
+        known, index = published_of(ledger, "R4")(), index_of(ledger, eyes)
+        shown = {name: index.look(p.digest) for name, p in known.items()}
+    assert shown == {"R1": (b"panorama", None), "R2": (b"panorama", b"lie"),
+                     "R3": (b"panorama", b"honest")}  # fmt: skip

@@ -44,3 +44,5 @@ def test_where_all_looks_otherwise_it_does_not_arrive() -> None:
     suspect = told.note(told.pilot.look_around())
     assert suspect is not None
     assert not arriving.drive_to(suspect) and len(arriving.pilot.looks) < 8
+    assert not arriving.was_mistaken(suspect.place)  # it is tried once more
+    assert not arriving.drive_to(suspect) and arriving.was_mistaken(suspect.place)

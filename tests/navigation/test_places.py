@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vrchain.geometry import Pose
-from vrchain.navigation.places import Place, beyond, sighted
+from vrchain.navigation.places import Place, sighted
 
 
 def test_a_sight_lies_along_its_bearing() -> None:
@@ -31,9 +31,3 @@ def test_driving_makes_a_belief_less_sure_and_moves_nothing() -> None:
     later = place.after(10.0)
     assert np.array_equal(later.xy_m, place.xy_m) and later.std_m > place.std_m
     assert place.unsure(0.0).std_m == pytest.approx(place.std_m)
-
-
-def test_another_robots_place_by_direction_distance_and_turn() -> None:
-    there = beyond(Pose(1.0, 1.0, np.pi / 2), -np.pi / 2, 5.0, 0.3)
-    assert there.xy_m == pytest.approx([6.0, 1.0])
-    assert there.yaw_rad == pytest.approx(np.pi / 2 + 0.3)

@@ -33,7 +33,7 @@ from vrchain.errors import MissionError
 from vrchain.experiments.intervals import ratio, resampled
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
-from vrchain.files import name_of, write_file
+from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import METHODS, HomeVector, Method, Views, snapshot
 from vrchain.panorama import CameraRig
@@ -44,7 +44,6 @@ from vrchain.seeding import generator
 Array = NDArray[np.float64]
 Free = Callable[[Array], NDArray[np.bool_]]
 
-FORMAT = 2
 PLACES_A_SUBURB = 2
 RIG = CameraRig(n_views=8, width_px=320, height_px=240)  # homing needs no more, and it is quick
 COMPASS = ", compass"  # ends the name of a row whose method is told the true heading
@@ -209,7 +208,7 @@ def evaluate(
             f"each also with {COMPASS!r} behind"
         )
     made_by = {row: repr(methods[row.removesuffix(COMPASS)]) for row in rows}
-    asked = [FORMAT, scenes.digest, made_by, seed, asdict(grid), asdict(rig)]
+    asked = [code_digest(), scenes.digest, made_by, seed, asdict(grid), asdict(rig)]
     own = folder / name_of(asked)
     work = partial(_home_to, scenes, rows, seed, own, grid, rig, methods)
     left = [place for place in range(n_places) if not _file_of(own, place).exists()]

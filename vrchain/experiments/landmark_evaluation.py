@@ -19,7 +19,7 @@ from tqdm.auto import tqdm
 from vrchain.errors import MissionError
 from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.scenes import Scenes
-from vrchain.files import name_of, write_file
+from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.common import (
     CommonLandmark,
@@ -38,7 +38,6 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
-FORMAT = 5
 PAIRS_A_SUBURB = 10
 LEAST_SCORE = 0.02  # claims are kept from here on, to see what other thresholds would do
 GIVEN = "sift, regions given"
@@ -94,7 +93,7 @@ def _own_folder(
 ) -> Path:
     """Where what was found of just this is kept."""
     made_by = [(v.name, v.maker) for v in variants]
-    asked = [FORMAT, scenes.digest, what, made_by, seed, asdict(rig)]
+    asked = [code_digest(), scenes.digest, what, made_by, seed, asdict(rig)]
     return folder / name_of(asked)
 
 

@@ -15,6 +15,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.index import LandmarkIndex
 from vrchain.landmarks.weights import SHIPPED
 from vrchain.ledger import Ledger, simulated_key
+from vrchain.ledger.encoding import DIGEST_BYTES
 from vrchain.ledger.transaction import NO_BLOB
 from vrchain.navigation.eyes import Eyes, Look, learned_eyes
 from vrchain.navigation.goal import goal_from
@@ -137,7 +138,7 @@ def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict
 
     def published() -> dict[str, Published]:
         return {
-            panorama_name(name, k): Published(t.payload_digest, t.timestamp_ns)
+            panorama_name(name, k): Published(t.payload_digest + t.landmarks_digest, t.timestamp_ns)
             for name in ledger.robots
             if name != robot
             for k, t in enumerate(reversed(ledger.history(name)[-most:]))
@@ -147,19 +148,19 @@ def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict
 
 
 def index_of(ledger: Ledger, eyes: Eyes) -> LandmarkIndex[Look]:
-    """An index of a ledger's panoramas, by the landmark records published with them."""
+    """An index of what ``published_of`` names: a panorama with the record that its author signed.
 
-    def described(payload_digest: bytes) -> bytes | None:
-        for transaction in (t for name in ledger.robots for t in ledger.history(name)):
-            if transaction.payload_digest == payload_digest:
-                return (
-                    ledger.payload(transaction.landmarks_digest)
-                    if transaction.landmarks_digest != NO_BLOB
-                    else None
-                )
-        return None
+    By the panorama alone another member could publish the same one with landmarks of its own.
+    """
 
-    return LandmarkIndex(ledger.payload, described, eyes.stored, eyes.compare)
+    def panorama(published: bytes) -> bytes:
+        return ledger.payload(published[:DIGEST_BYTES])
+
+    def described(published: bytes) -> bytes | None:
+        record = published[DIGEST_BYTES:]
+        return None if record == NO_BLOB else ledger.payload(record)
+
+    return LandmarkIndex(panorama, described, eyes.stored, eyes.compare)
 
 
 def is_at(

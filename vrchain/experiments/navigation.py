@@ -16,7 +16,7 @@ ledger in bytes alone.
 import json
 import tempfile
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from functools import lru_cache
 from itertools import product
 from pathlib import Path
@@ -37,7 +37,7 @@ from vrchain.experiments.task import goal_pictures, robot_names
 from vrchain.experiments.team import assemble
 from vrchain.experiments.workers import each
 from vrchain.experiments.wrong_edges import misled
-from vrchain.files import name_of, write_file
+from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.record import maker_of
 from vrchain.landmarks.weights import SHIPPED
@@ -53,7 +53,6 @@ from vrchain.render import Renderer
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
-FORMAT = 8
 ARMS = ("ledger", "alone", "oracle")
 SUBURBS = 10  # of a hundred missions
 PATROL_S = 300.0  # for which the others have been under way as a mission starts
@@ -110,7 +109,7 @@ class Suburb:
             else:
                 goal = oracle.goal(mission.goal) if oracle else self._goal(mission, weights)
             robots = assemble(
-                simulator, ledger, number, examine=None if arm == "oracle" else eyes.record
+                simulator, ledger, number, examine=oracle.record if oracle else eyes.record
             )
             if arm != "alone":
                 for name in others:
@@ -204,11 +203,14 @@ def evaluate(
     landmarks: how many each chain needs at least; if 0, every third needs two. jobs: see
     ``workers.each``. What was found already under ``folder`` is read from there.
     """
+    arms = list(dict.fromkeys(arms))
     robot_names(n_robots)  # refused before a scene is built
     unknown = [arm for arm in arms if arm not in ARMS]
     for what, share in (("wrong edges", wrong_edges), ("barred legs", barred)):
         if not 0 <= share <= 1:
             raise MissionError(f"expected a share of {what} from 0 to 1, got {share}")
+    if not 0 <= patrol_s < np.inf:
+        raise MissionError(f"expected seconds of patrol, 0 or more, got {patrol_s}")
     if landmarks < 0:
         raise MissionError(f"expected chains of 0 landmarks or more, got {landmarks}")
     if n_missions < 1 or unknown:
@@ -249,6 +251,7 @@ class _Evaluation:
     patrol_s: float
     wrong_edges: float
     barred: float
+    code: str = field(default_factory=code_digest)
 
     def k(self, number: int) -> int:
         """The suburb of a mission."""
@@ -291,7 +294,7 @@ class _Evaluation:
 
     @property
     def _drawn(self) -> list[object]:
-        what = [FORMAT, self.scenes.digest, self.n_robots, self.seed, asdict(self.rig)]
+        what = [self.code, self.scenes.digest, self.n_robots, self.seed, asdict(self.rig)]
         return [*what, self.to_places, self.landmarks]
 
 

@@ -12,8 +12,9 @@ from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.common import CommonLandmark, Comparison
 from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.landmarks.joint import regions_of
-from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.proposer import Proposals, nothing
 from vrchain.landmarks.quality import Sights, shared
+from vrchain.landmarks.record import LandmarkRecord, decode_record
 from vrchain.landmarks.sift import NO_FEATURES
 from vrchain.navigation.eyes import Eyes, Look, surface_m
 from vrchain.navigation.goal import GoalSight, any_sight
@@ -28,6 +29,7 @@ _SAME, _ENOUGH = 0.99, 1000  # cosine of one thing with itself, and keypoints th
 _ALIKE = 10.0  # log-likelihood ratio of looks that prove it
 _CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
 _NONE = np.empty(0, dtype=np.int64)
+_NOBODY = "0" * 64  # no weights made its records
 
 
 class Oracle:
@@ -45,9 +47,14 @@ class Oracle:
             return self._look(here())
 
         def published(panorama: bytes, landmarks: bytes | None) -> Look:
-            return self._look(stored(panorama))
+            record = None if landmarks is None else decode_record(landmarks)
+            return self._look(stored(panorama), record)
 
         return Eyes(examine, published, self.compare, _CALIBRATION)
+
+    def record(self, seen: Observation) -> LandmarkRecord:
+        """An empty one, to publish how the robot moved by."""
+        return LandmarkRecord(self.rig, _NOBODY, nothing(), NO_FEATURES)
 
     def goal(self, name: str) -> "TrueGoal":
         """The goal, known by what it is."""
@@ -91,7 +98,7 @@ class Oracle:
             self._sights[pose] = Sights(self.truth, pose, self.rig)
         return self._sights[pose]
 
-    def _look(self, pose: Pose) -> Look:
+    def _look(self, pose: Pose, record: LandmarkRecord | None = None) -> Look:
         sights = self._sights_from(pose)
         ids, points = sights.surface
         objects = self.truth.scene.objects
@@ -114,7 +121,7 @@ class Oracle:
             np.array([_embedding(objects[i].name) for i in chosen], dtype=np.float32)
             .reshape(n, _DIMENSIONS), _NONE, _NONE,
         )  # fmt: skip
-        look = Look(self.rig, proposals, lambda: NO_FEATURES)
+        look = Look(self.rig, proposals, lambda: NO_FEATURES, record=record)
         self._taken[id(look)] = look, pose
         return look
 

@@ -17,7 +17,7 @@ from vrchain.errors import MissionError
 from vrchain.experiments.landmarks import draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
-from vrchain.files import name_of, write_file
+from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.gallery import gallery_of, named, who_sees
 from vrchain.landmarks.recognition import find_goal, goal_of
@@ -30,7 +30,6 @@ from vrchain.scene.model import Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
-FORMAT = 4
 WAYS = ("gallery", "sift")
 _DRAWS, _INTERVAL = 2000, (2.5, 97.5)
 
@@ -55,7 +54,7 @@ def evaluate(
     """
     if min(config.panoramas, config.goals, n_scenes) < 1:
         raise MissionError(f"expected 1 panorama, goal and scene or more, got {config}")
-    asked = [FORMAT, scenes.digest, asdict(config), seed, maker_of()]
+    asked = [code_digest(), scenes.digest, asdict(config), seed, maker_of()]
     own = folder / name_of(asked)
     tables = []
     for k in range(n_scenes):

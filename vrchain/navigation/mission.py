@@ -200,7 +200,7 @@ class _Mission:
         return plan(
             self.robot, look, published, self.index, self.goal, self.failed, self.doubts.sights,
             self.doubts.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
-            [stood for stood, _, _ in latest],
+            [stood for stood, _, _ in latest], spares=0,
         )  # fmt: skip
 
     def looked_by_others(self, found: Plan) -> list[Array]:
@@ -312,7 +312,7 @@ class _Mission:
         if again.route is None:
             return None
         driven = self.driven.plan.digests if self.driven else frozenset()
-        better = _BETTER if driven.isdisjoint(again.digests) else _AFRESH
+        better = _AFRESH if again.digests <= driven else _BETTER
         if again.route.score <= better * route.score:
             return None
         if again.route.trust < min(route.trust, self.config.least_trust):

@@ -85,7 +85,7 @@ class PlaceArrival(Arrival):
                 break
         self.log("doubt", "what is seen here is not what the goal's panorama shows")
         if suspect.sights:
-            self._mistaken.append(place.xy_m)
+            self._not_again(place)
         return False
 
     def _told(self, look: Look, home: HomeVector | None, before: Place) -> Place | None:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose
 
 Array = NDArray[np.float64]
 
@@ -66,10 +66,3 @@ def sighted(here: Pose, bearing_rad: float, range_m: float, range_std: float = 0
     stds = max(_RANGE_STD, range_std) * range_m + 0.3, _BEARING_STD_RAD * range_m + 0.2
     covariance = stds[0] ** 2 * np.outer(along, along) + stds[1] ** 2 * np.outer(across, across)
     return Place(here.xy_m + range_m * along, covariance)
-
-
-def beyond(here: Pose, direction_rad: float, baseline_m: float, turn_rad: float) -> Pose:
-    """Another robot's place and heading, so far away in a direction, in the odometry's frame."""
-    course = here.yaw_rad + direction_rad
-    x_m, y_m = here.xy_m + baseline_m * np.array([np.cos(course), np.sin(course)])
-    return Pose(float(x_m), float(y_m), float(wrap_angle_rad(here.yaw_rad + turn_rad)))

@@ -12,7 +12,6 @@ import numpy as np
 
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.common import Comparison
-from vrchain.navigation.places import beyond
 from vrchain.panorama import CameraRig
 
 Pair = tuple[str, str]
@@ -136,14 +135,10 @@ def baseline_m(found: Comparison, rig: CameraRig) -> float | None:
     return float(found.geometry.baseline_heights * rig.camera_height_m)
 
 
-def stand_of(here: Pose, found: Comparison, rig: CameraRig, back: bool = False) -> Pose | None:
-    """Where the other panorama was taken, if the one was at ``here``; None: nothing tells.
-
-    back: from the comparison's second panorama to its first.
-    """
+def stand_of(here: Pose, found: Comparison, rig: CameraRig) -> Pose | None:
+    """Where the other panorama was taken, if the one was at ``here``; None: nothing tells."""
     geometry, way_m = found.geometry, baseline_m(found, rig)
     if geometry is None or way_m is None:
         return None
-    if back:
-        return beyond(here, geometry.back_rad, way_m, -geometry.heading_rad)
-    return beyond(here, geometry.direction_rad, way_m, geometry.heading_rad)
+    x_m, y_m = way_m * np.cos(geometry.direction_rad), way_m * np.sin(geometry.direction_rad)
+    return placed(here, Pose(float(x_m), float(y_m), geometry.heading_rad))

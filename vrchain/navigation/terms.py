@@ -68,7 +68,7 @@ class GaveUp(Exception):
 
 @dataclass(frozen=True)
 class Published:
-    """A panorama in the ledger: its digest, and when it was published."""
+    """A panorama in the ledger with its landmarks, by their digests, and when it was published."""
 
     digest: bytes
     time_ns: int = 0
