@@ -8,26 +8,24 @@ if so asked, is drawn until its chain needs two landmarks or more. Robots face a
 
 A *chain* is start, L1, P2, L2 ... Pk, goal: each landmark co-visible in neighbouring panoramas, the
 goal visible in Pk, and from a free and reachable place within the approach distance of each
-landmark the next one, at last the goal, is visible. The one with fewest landmarks is given, of
-those the one with the shortest way. Where the goal is a place, its own panorama ends the chain, as
-another robot's would.
+landmark the next one, at last the goal, is visible. No landmark is twice running in it. The one
+with fewest landmarks is given, of those the one with the shortest way. Where the goal is a place,
+its own panorama ends the chain, as another robot's would.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.sparse import csr_array, hstack, vstack
-from scipy.sparse.csgraph import dijkstra
 
 from vrchain.errors import MissionError
+from vrchain.experiments.free_space import FreeSpace
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_poses, robot_names
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import Sights, shared
-from vrchain.navigation.ways import grid_graph
 from vrchain.panorama import CameraRig
 from vrchain.scene.model import Scene
 from vrchain.seeding import generator
@@ -38,51 +36,10 @@ Array = NDArray[np.float64]
 PLACE = "a place"  # the goal's name, where it is no object
 WAY_M = (40.0, 120.0)
 APPROACH_M = 3.0  # from a landmark's footprint; the goal is reached at this range too
-_SPACING_M, _CLEARANCE_M = 0.5, 0.5  # of the grid on which ways are found
 _APART_M = 2.0  # robots are not nearer to each other
 _VANTAGES = 4  # places around a landmark from which the next may be seen
 _RAYS_PER_DEG, _MOST_RISE_DEG = 2, 16.0
 _DRAWS = 2000
-
-
-class FreeSpace:
-    """Where a robot can drive in a scene, as a grid, and how far it is from place to place."""
-
-    def __init__(self, scene: Scene) -> None:
-        half = np.array(scene.extent_m) / 2 - _SPACING_M / 2
-        x, y = (np.arange(-h, h + 1e-9, _SPACING_M) for h in half)
-        points = np.stack(np.meshgrid(x, y), axis=-1)
-        free = scene.is_free(points.reshape(-1, 2), _CLEARANCE_M).reshape(len(y), len(x))
-        number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
-        self.points_m: Array = points[free]
-        self._graph = grid_graph(number, np.ones(number.shape), _SPACING_M)
-
-    def from_m(self, xy_m: Array) -> Array:
-        """How far every point is from the one nearest to ``xy_m``: (n,), inf: not reachable."""
-        nearest = int(np.hypot(*(self.points_m - xy_m).T).argmin())
-        return np.asarray(dijkstra(self._graph, directed=False, indices=nearest))
-
-    def through_m(self, before_m: Array, zone: NDArray[np.int64]) -> Array:
-        """How far every point is by way of one of a zone's, which are ``before_m[zone]`` far."""
-        n = len(self.points_m)
-        zone = zone[np.isfinite(before_m[zone])]
-        if len(zone) == 0:
-            return np.full(n, np.inf)
-        least = before_m[zone].min()
-        gate = csr_array((before_m[zone] - least + 1e-6, (np.zeros(len(zone), int), zone)), (1, n))
-        corner = csr_array((1, 1))
-        graph = vstack([hstack([self._graph, csr_array((n, 1))]), hstack([gate, corner])])
-        found = dijkstra(csr_array(graph), directed=False, indices=n)[:n]
-        return np.asarray(found + least)
-
-    def around(self, footprint: shapely.Geometry, within_m: float) -> NDArray[np.int64]:
-        """The points within some distance of a footprint."""
-        x0, y0, x1, y1 = footprint.bounds
-        x, y = self.points_m.T
-        near = (x > x0 - within_m) & (x < x1 + within_m)
-        chosen = np.flatnonzero(near & (y > y0 - within_m) & (y < y1 + within_m))
-        away = shapely.distance(footprint, shapely.points(self.points_m[chosen]))
-        return chosen[away <= within_m]
 
 
 @dataclass(frozen=True)
@@ -130,15 +87,11 @@ class Mission:
         return cls(**{**known, **own})
 
 
-@dataclass(frozen=True, eq=False)
-class _State:
-    """A robot whose panorama is known, the landmark that leads there, and how one came by it."""
+class _State(NamedTuple):
+    """A robot whose panorama is known, and the landmark that leads there: none at the start."""
 
     robot: str
     landmark: int | None
-    before_m: Array  # way from the start, by the landmarks before this one
-    robots: tuple[str, ...]
-    landmarks: tuple[int, ...]
 
 
 class Ground:
@@ -148,7 +101,8 @@ class Ground:
         self.scene, self.truth, self.rig = scene, truth, rig or CameraRig()
         self.free = FreeSpace(scene)
         self._pictured: dict[int, list[Pose]] = {}
-        self._from_near: dict[int, frozenset[int]] = {}
+        self._zones: dict[tuple[int, int], NDArray[np.int64]] = {}
+        self._from_near: dict[tuple[int, int], frozenset[int]] = {}
 
     def draw(
         self,
@@ -251,61 +205,103 @@ class Ground:
         def common(a: str, b: str) -> list[int]:
             return [i for i in shared(self.truth, seen[a], seen[b]) if i != target]
 
-        reached = [_State(first, None, far_m, (first,), ())]
-        left = set(others)
-        while reached and left:
-            onward: dict[tuple[str, int], _State] = {}
-            least_m: dict[tuple[str, int], float] = {}
-            for state in reached:
-                after_m = self._after_m(state)
-                for robot in sorted(left):
-                    pair = (state.robot, robot)
-                    for i in common(*sorted(pair)):
-                        known = state.landmark is None or i in self._near(state)
-                        if not known or i in state.landmarks:
-                            continue
-                        way_m = float(after_m[self._zone(i)].min(initial=np.inf))
-                        if way_m < least_m.get((robot, i), np.inf):
-                            least_m[robot, i] = way_m
-                            onward[robot, i] = _State(
-                                robot, i, after_m, (*state.robots, robot), (*state.landmarks, i)
-                            )
-            ends = [
-                TrueChain(
-                    tuple(r for r in state.robots if r != PLACE),
-                    tuple(self.scene.objects[i].name for i in state.landmarks),
-                    float(self._after_m(state)[zone].min()),
-                )
-                for state in onward.values()
-                if state.robot in last and (state.robot == PLACE or target in self._near(state))
-            ]
+        region = int(self.free.region[far_m.argmin()])
+
+        def onward(state: _State) -> Iterable[_State]:
+            for robot in others:
+                if robot != state.robot:
+                    for i in common(*sorted((state.robot, robot))):
+                        if self._leads_to(i, state, region):
+                            yield _State(robot, i)
+
+        def is_end(state: _State) -> bool:
+            if state.robot not in last or state.landmark is None:
+                return False
+            return state.robot == PLACE or target in self._near(state.landmark, region)
+
+        reached = [_State(first, None)]
+        before: dict[_State, tuple[_State, ...]] = {reached[0]: ()}
+        while reached:
+            ends = [state for state in reached if is_end(state)]
             if ends:
-                return min(ends, key=lambda chain: chain.way_m)
-            reached = list(onward.values())
-            left -= {state.robot for state in reached}
+                return self._shortest(ends, before, far_m, zone, region)
+            newly: dict[_State, tuple[_State, ...]] = {}
+            for state in reached:
+                for new in onward(state):
+                    # how a chain goes on depends on its last state alone: one that is known by
+                    # fewer landmarks is not worth meeting again
+                    if new not in before:
+                        newly[new] = (*newly.get(new, ()), state)
+            before |= newly
+            reached = list(newly)
         return None
 
-    def _after_m(self, state: "_State") -> Array:
-        """How far every point is by way of the state's landmark."""
-        if state.landmark is None:
-            return state.before_m
-        return self.free.through_m(state.before_m, self._zone(state.landmark))
+    def _shortest(
+        self,
+        ends: Sequence[_State],
+        before: Mapping[_State, tuple[_State, ...]],
+        far_m: Array,
+        zone: NDArray[np.int64],
+        region: int,
+    ) -> TrueChain:
+        """The chain with the shortest way to one of some ends.
 
-    def _zone(self, landmark: int) -> NDArray[np.int64]:
-        return self.free.around(self.scene.objects[landmark].footprint, APPROACH_M)
+        before: the states that lead to each, by one landmark fewer.
+        """
 
-    def _near(self, state: "_State") -> frozenset[int]:
-        """What is visible from reachable places within the approach distance of its landmark."""
-        landmark = state.landmark
-        assert landmark is not None
-        if landmark not in self._from_near:
-            zone = self._zone(landmark)
-            zone = zone[np.isfinite(state.before_m[zone])]
+        @cache
+        def through_m(landmark: int, earlier: tuple[_State, ...]) -> Array:
+            points = self._zone(landmark, region)
+            ways_m = [after_m(state)[points] for state in earlier]
+            return self.free.through_m(np.min(ways_m, axis=0), points)
+
+        def after_m(state: _State) -> Array:
+            landmark = state.landmark
+            return far_m if landmark is None else through_m(landmark, before[state])
+
+        def best(
+            states: Sequence[_State], points: NDArray[np.int64], rest_m: Array | float
+        ) -> tuple[float, _State, int]:
+            ways_m = np.stack([after_m(state)[points] + rest_m for state in states])
+            k, p = divmod(int(ways_m.argmin()), len(points))
+            return float(ways_m[k, p]), states[k], int(points[p])
+
+        way_m, state, point = best(ends, zone, 0.0)
+        states = [state]
+        while state.landmark is not None:  # back to the start
+            points = self._zone(state.landmark, region)
+            rest_m = self.free.from_m(self.free.points_m[point])[points]
+            _, state, point = best(before[state], points, rest_m)
+            states.insert(0, state)
+        through_m.cache_clear()  # or the arrays stay until the cycle of closures is collected
+        return TrueChain(
+            tuple(s.robot for s in states if s.robot != PLACE),
+            tuple(self.scene.objects[s.landmark].name for s in states if s.landmark is not None),
+            way_m,
+        )
+
+    def _leads_to(self, landmark: int, state: _State, region: int) -> bool:
+        """Whether a landmark can be driven to from a state: not twice running to the same."""
+        if landmark == state.landmark or len(self._zone(landmark, region)) == 0:
+            return False
+        return state.landmark is None or landmark in self._near(state.landmark, region)
+
+    def _zone(self, landmark: int, region: int) -> NDArray[np.int64]:
+        """The points of a region within the approach distance of a landmark."""
+        if (landmark, region) not in self._zones:
+            zone = self.free.around(self.scene.objects[landmark].footprint, APPROACH_M)
+            self._zones[landmark, region] = zone[self.free.region[zone] == region]
+        return self._zones[landmark, region]
+
+    def _near(self, landmark: int, region: int) -> frozenset[int]:
+        """What is visible from a region's places within the approach distance of a landmark."""
+        if (landmark, region) not in self._from_near:
+            zone = self._zone(landmark, region)
             middle = self.scene.objects[landmark].bounds_m[:, :2].mean(axis=0)
             around = np.argsort(np.arctan2(*(self.free.points_m[zone] - middle).T[::-1]))
             chosen = zone[around][:: max(1, len(zone) // _VANTAGES)][:_VANTAGES]
-            self._from_near[landmark] = frozenset(self._visible(chosen))
-        return self._from_near[landmark]
+            self._from_near[landmark, region] = frozenset(self._visible(chosen))
+        return self._from_near[landmark, region]
 
     def _visible(self, vantages: Iterable[int]) -> Iterable[int]:
         """What is visible from any of some points, in a grid of directions coarser than truth's."""
