@@ -89,21 +89,35 @@ def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:
     return np.where((range_m > 0) & (range_m < 8) & (np.abs(hits_m) <= half_m), range_m, 8.0)
 
 
+def driven(here: Pose, target: NDArray[np.float64], half_m: float) -> tuple[Pose, float]:
+    """Where it ends that drives there past such a wall, and after how many metres."""
+    ways, way_m, tick_s = Ways(), 0.0, 0.3
+    for _ in range(150):
+        ring = ring_before_wall(here, half_m)
+        ways.note(here, ring)
+        course = ways.course_rad(here, target, 0.7)
+        if course is None:
+            break
+        drive = steer(float(wrap_angle_rad(course - here.yaw_rad)), ring)
+        way_m += drive.speed_m_s * tick_s
+        here = placed(here, Pose(drive.speed_m_s * tick_s, 0.0, drive.turn_rad_s * tick_s))
+    return here, way_m
+
+
 @pytest.mark.parametrize("y_m", [-1.0, 0.0, 1.0])
 @pytest.mark.parametrize("behind_m", [1.7, 2.5, 5.0])
 def test_what_is_right_behind_a_wall_is_driven_to_round_its_end(
     y_m: float, behind_m: float
 ) -> None:
     """The way's end is nearer than the wall's: who steers there steers at the wall, for ever."""
-    ways, here, tick_s = Ways(), Pose(-1.1, y_m), 0.3
     target = np.array([behind_m, y_m])
-    for _ in range(100):
-        ring = ring_before_wall(here, 4.0)
-        ways.note(here, ring)
-        course = ways.course_rad(here, target, 0.7)
-        if course is None:
-            break
-        drive = steer(float(wrap_angle_rad(course - here.yaw_rad)), ring)
-        ahead_m = drive.speed_m_s * tick_s
-        here = placed(here, Pose(ahead_m, 0.0, drive.turn_rad_s * tick_s))
+    here, _ = driven(Pose(-1.1, y_m), target, 4.0)
     assert here.distance_to_m(target) <= 1.0
+
+
+@pytest.mark.parametrize("bearing_deg", [0, 11, 22, 33])
+def test_on_open_ground_it_drives_straight_though_the_grid_does_not(bearing_deg: float) -> None:
+    target = 20.0 * np.array([np.cos(np.radians(bearing_deg)), np.sin(np.radians(bearing_deg))])
+    here, way_m = driven(HERE, target, 0.0)
+    assert here.distance_to_m(target) <= 1.0
+    assert way_m <= 1.01 * here.distance_to_m(HERE.xy_m) + 0.1

@@ -28,7 +28,7 @@ _RADIUS_M = 0.47  # nothing is nearer to a way than this
 _ROOM_M = 0.9  # and ways keep this distance where that costs little
 _NOOK_M, _SQUEEZE_M = 2.0, 0.25  # so near to the robot, less room will do
 _MARGIN_M = 18.0  # how far a way may lead around
-_AHEAD_M = 2.5  # of the way is looked at to steer
+_NEAR_M = 2.5  # a way is cut short with less room so near
 _TIGHT = 2.0  # how many times longer a way without room counts
 
 
@@ -76,14 +76,13 @@ class Ways:
         return float(np.arctan2(y_m, x_m))
 
     def _ahead(self, here: Pose, way: Array) -> Array:
-        """The farthest point of a way, not far, to which it can be cut short."""
+        """The farthest point of a way to which it can be cut short."""
         farthest = way[1]
         for point in way[2:]:
             onward = point - here.xy_m
             away_m = float(np.hypot(*onward))
-            if away_m > _AHEAD_M:
-                break
-            across = np.array([-onward[1], onward[0]]) / away_m * _SQUEEZE_M
+            half_m = _SQUEEZE_M if away_m <= _NEAR_M else _RADIUS_M
+            across = np.array([-onward[1], onward[0]]) / max(away_m, _CELL_M) * half_m
             steps = np.linspace(0.0, 1.0, int(away_m / _CELL_M) + 2)[:, None, None]
             strip = here.xy_m + steps * onward + np.array([[-1.0], [0.0], [1.0]]) * across
             if (self._met[self._cells(strip.reshape(-1, 2))] > self.driven_m - _KEPT_M).any():
