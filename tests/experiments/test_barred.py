@@ -3,13 +3,28 @@ from itertools import combinations
 import numpy as np
 import pytest
 import worlds
+from navigation.plains import EYES
 
 from vrchain.experiments.barred import ROW_M, Barred
 from vrchain.geometry import Pose
-from vrchain.navigation.terms import Decision
-from vrchain.robot import steer
+from vrchain.navigation.driving import Pilot
+from vrchain.navigation.terms import Decision, MissionConfig
+from vrchain.robot import Drive, Observation
 from vrchain.scene.model import ROBOT_RADIUS_M
 from vrchain.simulator import Simulator
+
+
+class Body:
+    """A simulated robot that publishes nothing."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
+        return self.simulator.observe("R1", look=look, towards_rad=towards_rad)
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        self.simulator.step({"R1": command}, duration_s)
 
 
 def leg(range_m: float = 10.0, bearing_deg: float = 0.0, why: str = "landmark 1") -> Decision:
@@ -44,9 +59,12 @@ def test_a_row_stands_across_the_middle_of_the_leg_and_lets_nothing_through() ->
 def test_what_is_barred_is_driven_round_and_not_through() -> None:
     simulator = alone()
     Barred(simulator, "R1", 1.0, seed=1).tell(leg())
-    for _ in range(60):
-        simulator.step({"R1": steer(0.0, simulator.observe("R1").range_ring_m)}, 0.3)
+    row = parked(simulator)
+    pilot = Pilot(Body(simulator), EYES, MissionConfig(limit_s=120.0))
+    pilot.stretch(np.array([10.0, 0.0]), 0.5, 40.0)  # by odometry: where the leg ends
+    assert simulator.pose("R1").distance_to_m((4.0, 0.0)) < 1.5
     assert simulator.collisions("R1") == 0
+    assert np.abs(simulator.path_xy_m("R1")[:, 1]).max() > np.abs(row[:, 1]).max()
 
 
 def test_each_leg_is_decided_on_once_and_others_are_let_alone() -> None:
@@ -61,15 +79,28 @@ def test_each_leg_is_decided_on_once_and_others_are_let_alone() -> None:
     assert bars.rows == 1 and np.array_equal(parked(simulator), stood)
 
 
+def test_what_cannot_stand_is_no_row() -> None:
+    simulator = alone()
+    bars = Barred(simulator, "R1", 1.0, seed=1)
+    bars.tell(leg(200.0))  # off the map
+    assert bars.rows == 0 and len(parked(simulator)) == 0
+    bars.tell(leg())
+    assert bars.rows == 1 and len(parked(simulator)) >= 3
+
+
 def test_so_many_legs_are_barred_and_the_same_ones_again() -> None:
-    def rows(share: float) -> list[int]:
-        simulator = alone()
+    def barred(share: float) -> list[float]:
+        """Where rows stand, of 40 possible ones."""
+        road = worlds.world(extent_m=(900.0, 20.0))
+        simulator = Simulator(road, {"R1": Pose(0.0, 0.0)}, seed=3)
         bars = Barred(simulator, "R1", share, seed=5)
-        found = []
         for k in range(40):  # legs that end far apart
             bars.tell(leg(10.0 + 20 * k))
-            found.append(bars.rows)
-        return found
+        x_m, size = np.unique(parked(simulator)[:, 0].round(3), return_counts=True)
+        assert len(x_m) == bars.rows and (size >= 3).all()
+        return list(x_m)
 
-    assert rows(0.0)[-1] == 0 and rows(1.0)[-1] == 40
-    assert 10 < rows(0.5)[-1] < 30 and rows(0.5) == rows(0.5)
+    everywhere = barred(1.0)
+    assert barred(0.0) == [] and everywhere == [5.0 + 10 * k for k in range(40)]
+    half = barred(0.5)
+    assert 10 < len(half) < 30 and set(half) < set(everywhere) and barred(0.5) == half

@@ -2,10 +2,14 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
+import numpy as np
 import pandas as pd
 import pytest
 from hamlet import the_hamlet
+from navigation.plains import CALIBRATION
 from sights import RIG
 
 from vrchain.errors import MissionError
@@ -13,8 +17,14 @@ from vrchain.experiments import missions, navigation
 from vrchain.experiments.missions import Mission
 from vrchain.experiments.navigation import evaluate
 from vrchain.experiments.scenes import Scenes
+from vrchain.landmarks.common import Comparison
+from vrchain.landmarks.proposer import nothing
+from vrchain.landmarks.record import LandmarkRecord
+from vrchain.landmarks.sift import NO_FEATURES
+from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.terms import MissionConfig
 from vrchain.scene.model import Scene
+from vrchain.simulator import Simulator
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
 SHORT = MissionConfig(limit_s=150.0)
@@ -70,6 +80,52 @@ def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
     assert drawn[0].goal == missions.PLACE
     assert table.success.all() and (table.range_m <= 1.0).all(), table.reason.to_list()
     assert (table.collisions == 0).all()
+
+
+def blind(*weights: Path) -> Eyes:
+    """Eyes that see nothing."""
+    record = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
+    look = Look(RIG, nothing(), lambda: NO_FEATURES, record=record)
+    return Eyes(lambda s: look, lambda *s: look, lambda a, b: Comparison((), None), CALIBRATION)
+
+
+def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulators: list[Simulator] = []
+
+    def simulator(*args: Any, **options: Any) -> Simulator:
+        simulators.append(Simulator(*args, **options))
+        return simulators[-1]
+
+    monkeypatch.setattr(navigation, "Simulator", simulator)
+    monkeypatch.setattr(navigation, "learned_eyes", blind)
+    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    monkeypatch.setattr(navigation.Suburb, "_goal", lambda *mission: nowhere)
+    table, (drawn,) = evaluate(
+        HAMLET, 1, 4, ["ledger", "alone"], seed=3, folder=tmp_path, rig=RIG,
+        config=MissionConfig(limit_s=15.0), patrol_s=20.0,
+    )  # fmt: skip
+    ways, whys = [], []
+    for arm, world in zip(table.arm, simulators, strict=True):
+        path_m = {name: world.path_xy_m(name) for name in drawn.poses}
+        assert all((path_m[n][0] == pose.xy_m).all() for n, pose in drawn.poses.items())
+        steps_m = {n: np.hypot(*np.diff(p, axis=0).T) for n, p in path_m.items()}
+        sets_out = int((steps_m["R1"] > 0).argmax())
+        ways.append({n: (m[:sets_out].sum(), m[sets_out:].sum()) for n, m in steps_m.items()})
+        (stored,) = tmp_path.rglob(f"*_{arm}.json")
+        log = json.loads(stored.read_text())["log"]
+        whys.append(next(d["why"] for d in log if d["what"] == "no route"))
+    others = [name for name in drawn.poses if name != "R1"]
+    assert all(min(ways[0][n]) > 3.0 and max(ways[1][n]) == 0.0 for n in others)  # and go on
+    assert table.published[0] > len(others) and table.published[1] == 0
+    assert whys == [
+        "no other robot's panorama shows the goal",
+        "the ledger holds no panorama of another robot",
+    ]
+    assert list(table.driven_m) == pytest.approx([w["R1"][1] for w in ways])
+    assert (table.driven_m > 3.0).all()
+    assert table.seconds_simulated.between(15.0, 16.0).all()  # the patrol is no part of it
 
 
 @pytest.mark.parametrize(

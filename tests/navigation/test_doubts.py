@@ -9,7 +9,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.navigation.doubts import Driven
 from vrchain.navigation.driving import Pilot
-from vrchain.navigation.mission import _Mission
+from vrchain.navigation.mission import Onward, _Mission
 from vrchain.navigation.terms import Decision, MissionConfig
 
 PATIENT = MissionConfig(explores=False)
@@ -85,3 +85,32 @@ def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
         ours.doubts.blame(Driven(found.route, told, pilot.here))
         assert bool(ours.doubts.refuted) == join_is_blamed
         assert ours.doubts.sights == (set() if join_is_blamed else {b"R2", b"R3"})
+
+
+@pytest.mark.parametrize(
+    ("times", "others", "taken"),
+    [(1.3, True, True), (1.1, True, False), (0.9, False, True), (0.7, False, False)],
+)
+def test_on_the_way_a_route_by_other_panoramas_has_to_be_better(
+    times: float, others: bool, taken: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """From here the driven one is known better; another one may only seem so."""
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    pilot = Pilot(Walker(street(), HOME), EYES, PATIENT)
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
+    look = pilot.look_around()
+    found = ours.plan(look)
+    route = found.route
+    assert route is not None and len(found.digests) == 1
+    ours.driven = Driven(route, found, pilot.here)
+    again = replace(found, route=replace(route, score=times * route.score, trust=1.0))
+    if others:  # one more than those, as it leads by
+        (name,) = set(route.robots) & set(found.published)
+        more = {"R9": replace(found.published[name], digest=b"R9")}
+        onward = replace(route.legs[-1], seen_by=name, next_by="R9")
+        longer = replace(again.route, legs=(*route.legs, onward), seen_by="R9")
+        again = replace(again, route=longer, published={**found.published, **more})
+    monkeypatch.setattr(ours, "plan", lambda look: again)
+    monkeypatch.setattr(ours.doubts, "is_elsewhere", lambda *asked: False)
+    assert isinstance(ours.regard(look, route), Onward) == taken

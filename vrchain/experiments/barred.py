@@ -48,10 +48,10 @@ class Barred:
         """Robots side by side, where nothing stands already."""
         across = np.array([-np.sin(course_rad), np.cos(course_rad)])
         step_m = 2 * ROBOT_RADIUS_M + _GAP_M
-        half = round(ROW_M / step_m) // 2
+        half, before = round(ROW_M / step_m) // 2, len(self._simulator.robots)
         for k in range(-half, half + 1):
             x_m, y_m = middle + k * step_m * across
             with contextlib.suppress(PoseError):
                 place = Pose(float(x_m), float(y_m), course_rad)
                 self._simulator.put(f"parked {self.rows}, {k}", place)
-        self.rows += 1
+        self.rows += len(self._simulator.robots) > before
