@@ -128,8 +128,8 @@ def run_mission(
 ) -> str:
     """Some missions; ``draw`` may add pictures of each to its folder.
 
-    All outcomes are in missions.csv. Pictures elsewhere show the first that truly arrived, if one
-    did.
+    All outcomes are in missions.csv. Pictures elsewhere show the first that truly arrived, of those
+    the first that drove a chain, if one did.
     """
     profile, runs = results.profile, []
     config = MissionConfig(limit_s=profile.mission_s)
@@ -144,7 +144,7 @@ def run_mission(
         runs.append(run)
     outcomes = pd.DataFrame([{"seed": profile.seed + k, **r.summary()} for k, r in enumerate(runs)])
     outcomes.to_csv(folder / "missions.csv", index=False)
-    shown = max(runs, key=lambda r: r.success)  # the first of equals
+    shown = max(runs, key=lambda r: (r.success, bool(r.result.plans)))  # the first of equals
     with open(folder / "run.pickle", "wb") as file:
         pickle.dump(replace(shown, scene=None), file)  # type: ignore[arg-type]
     false = int((outcomes.arrived & ~outcomes.success).sum())
