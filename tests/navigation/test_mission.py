@@ -292,6 +292,7 @@ def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:
     check_log(result, demanding)
     assert result.arrived and words(result)[:2] == ["no route", "explore"]
     assert result.plans[0][1].trust < demanding.least_trust
+    assert result.decisions[0].values == {"trust": round(trust, 2)}
 
 
 def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:

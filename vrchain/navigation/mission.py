@@ -179,7 +179,8 @@ class _Mission:
                 why = found.why_none or "the best chain is too unsure to be worth driving"
                 if not self.config.explores:
                     raise GaveUp(why)
-                self.log("no route", why, len(self.pilot.looks) - 1)
+                trust = {} if found.route is None else {"trust": round(found.route.trust, 2)}
+                self.log("no route", why, len(self.pilot.looks) - 1, **trust)
                 self.explorer.drive_on(self.looked_by_others(found))
                 fruitless += 1
         raise GaveUp(f"the goal was not found in {self.config.max_looks} looks around")
