@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
+from vrchain.robot import Drive, Observation
 from vrchain.scene.model import Scene, SceneObject, Surface, place
 from vrchain.seeding import generator
+from vrchain.simulator import Simulator
 
 SMALL_RIG = CameraRig(n_views=8, width_px=160, height_px=120)
 ROOT = Path(__file__).resolve().parents[1]
@@ -113,6 +115,19 @@ def maze() -> Scene:
         for i in range(5)
     ]
     return world(*walls, *posts, extent_m=(20.0, 20.0))
+
+
+class Body:
+    """R1 in a simulator, as a mission drives it; it publishes nothing."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
+        return self.simulator.observe("R1", look=look, towards_rad=towards_rad)
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        self.simulator.step({"R1": command}, duration_s)
 
 
 def in_two_processes(code: str) -> list[Any]:

@@ -9,22 +9,8 @@ from vrchain.experiments.barred import ROW_M, Barred
 from vrchain.geometry import Pose
 from vrchain.navigation.driving import Pilot
 from vrchain.navigation.terms import Decision, MissionConfig
-from vrchain.robot import Drive, Observation
 from vrchain.scene.model import ROBOT_RADIUS_M
 from vrchain.simulator import Simulator
-
-
-class Body:
-    """A simulated robot that publishes nothing."""
-
-    def __init__(self, simulator: Simulator) -> None:
-        self.simulator = simulator
-
-    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
-        return self.simulator.observe("R1", look=look, towards_rad=towards_rad)
-
-    def drive(self, command: Drive, duration_s: float) -> None:
-        self.simulator.step({"R1": command}, duration_s)
 
 
 def leg(range_m: float = 10.0, bearing_deg: float = 0.0, why: str = "landmark 1") -> Decision:
@@ -60,7 +46,7 @@ def test_what_is_barred_is_driven_round_and_not_through() -> None:
     simulator = alone()
     Barred(simulator, "R1", 1.0, seed=1).tell(leg())
     row = parked(simulator)
-    pilot = Pilot(Body(simulator), EYES, MissionConfig(limit_s=120.0))
+    pilot = Pilot(worlds.Body(simulator), EYES, MissionConfig(limit_s=120.0))
     pilot.stretch(np.array([10.0, 0.0]), 0.5, 40.0)  # by odometry: where the leg ends
     assert simulator.pose("R1").distance_to_m((4.0, 0.0)) < 1.5
     assert simulator.collisions("R1") == 0

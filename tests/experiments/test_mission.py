@@ -24,7 +24,6 @@ from vrchain.navigation.mission import MissionResult, run_mission
 from vrchain.navigation.terms import MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
-from vrchain.robot import Drive, Observation
 from vrchain.scene import load_scene
 from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator
@@ -141,19 +140,6 @@ def digest_of(folder: Path) -> str:
 # --- what a robot may know ---
 
 
-class Body:
-    """A simulated robot that publishes nothing."""
-
-    def __init__(self, simulator: Simulator) -> None:
-        self.simulator = simulator
-
-    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
-        return self.simulator.observe("R1", look=look, towards_rad=towards_rad)
-
-    def drive(self, command: Drive, duration_s: float) -> None:
-        self.simulator.step({"R1": command}, duration_s)
-
-
 SINGLE = CameraRig(n_views=1, width_px=320, height_px=240, field_of_view_deg=60.0)
 SEEN_FROM = [Pose(-10.0, 0.0, 0.2), Pose(-5.0, 9.5, -1.5)]
 HIDDEN, IN_VIEW = Pose(-2.0, -6.0, 0.3), Pose(-10.5, 0.5, 0.6)
@@ -179,7 +165,7 @@ def drive_from(
     eyes = learned_eyes()
     result = run_mission(
         "R1",
-        Body(simulator),
+        worlds.Body(simulator),
         lambda: {"R2": Published(b"R2")},
         LandmarkIndex(blobs.__getitem__, lambda digest: None, eyes.stored, eyes.compare),
         goal_from([renderer.render(place(p), SINGLE) for p in SEEN_FROM]),

@@ -10,9 +10,9 @@ Look = TypeVar("Look")
 
 
 class LandmarkIndex(Generic[Look]):
-    """Looks and comparisons by panorama digest.
+    """Looks and comparisons by what names a panorama, such as its digest.
 
-    read: gives the bytes of a panorama by its digest, for instance a ledger's ``payload``.
+    read: gives the bytes of a panorama, for instance a ledger's ``payload``.
     described: the landmark record that was published with it, or None. look: what is made of both;
     compare: what two looks have in common.
     """

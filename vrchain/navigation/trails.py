@@ -38,7 +38,7 @@ def _moved(
     """Where a panorama was taken, in the frame of the one before; None: nothing tells."""
     if robot_of(name) != robot_of(before) or age_of(before) != age_of(name) + 1:
         return None
-    if known[name].digest == known[before].digest:  # it stood still: the first one's record is both
+    if known[name].digest == known[before].digest:  # it stood still
         return Pose(0.0, 0.0)
     record = looks[name].record
     return None if record is None else record.moved

@@ -133,7 +133,7 @@ class Ways:
         number = np.where(free, np.cumsum(free).reshape(free.shape) - 1, -1)
         dear = np.where(room_m < _ROOM_M, _TIGHT, 1.0)
         length, before = dijkstra(
-            grid_graph(number, dear, spacing), directed=False,
+            _grid_graph(number, dear, spacing), directed=False,
             indices=number[start[1], start[0]], return_predecessors=True,
         )  # fmt: skip
         return np.stack([x[free], y[free]], axis=1) * spacing + origin, length, before
@@ -144,7 +144,7 @@ class Ways:
         return y, x
 
 
-def grid_graph(number: NDArray[np.int64], dear: Array, spacing_m: float) -> csr_array:
+def _grid_graph(number: NDArray[np.int64], dear: Array, spacing_m: float) -> csr_array:
     """Neighbours in a grid, straight and across, and the cost of going from one to the other.
 
     number: (rows, columns) of each node, -1 for none; dear: how much more a metre counts there.
