@@ -49,10 +49,16 @@ def arrival() -> Arrival:
     return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
 
 
-def is_sure(*sights: tuple[float, int, float, float]) -> bool:
-    """x_m of the robot, keypoints, range of the goal's side and looks of each sight."""
+def is_sure(*sights: tuple[float, int, float, float], n_shown: int = 400) -> bool:
+    """x_m of the robot, keypoints, range of the goal's side and looks of each sight.
+
+    n_shown: keypoints that the goal's picture shows.
+    """
     seen = tuple(
-        (Pose(x_m, 0.0), GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9))
+        (
+            Pose(x_m, 0.0),
+            GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9, n_shown=n_shown),
+        )
         for x_m, keypoints, range_m, looks in sights
     )
     return arrival()._is_sure(Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen))
@@ -74,12 +80,20 @@ def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
 
 def test_one_good_sight_is_enough() -> None:
     assert is_sure((0, 10, 15, 2.8), (3, 54, 12, 2.8))
+    assert is_sure((0, 10, 15, 2.8), (11, 54, 4, 2.0))  # its keypoints show from near too
+    assert not is_sure((0, 10, 4, 2.8), (11, 54, 12, 2.0))  # its shape does not
 
 
 def test_fewer_keypoints_are_enough_in_a_sight_that_looks_like_nothing_else() -> None:
     assert is_sure((0, 20, 15, 3.4))
     assert not is_sure((0, 20, 4, 3.4))  # from too near
     assert not is_sure((0, 20, 15, 3.1), (3, 8, 12, 3.4))  # in another sight
+
+
+def test_a_plain_goal_needs_fewer_keypoints() -> None:
+    poor, poorer = (0, 14, 15, 3.4), (0, 11, 15, 3.4)
+    assert not is_sure(poor) and is_sure(poor, n_shown=150)
+    assert not is_sure(poorer, n_shown=20)  # no goal is so plain
 
 
 @pytest.mark.parametrize("keypoints", [40, 80])
@@ -160,6 +174,19 @@ def test_how_far_it_is_is_told_by_how_it_grew(taken_m: float, range_m: float) ->
     else:
         assert there == pytest.approx([goal_x_m, 0.0])
     assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
+
+
+def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
+    """From its other side it grew less than it does here: that tells nothing of this one."""
+    before = [(Pose(x_m, 0.0), 0.4 * (30.0 - x_m), 0.0) for x_m in range(0, 25, 4)]
+    now = [(Pose(20.0, y_m), y_m + 1.0, -np.pi / 2) for y_m in (9.0, 6.0, 3.0)]
+    sights = tuple(
+        (here, GoalSight(bearing_rad, range_m, range_m, 0.2, 20, 3.0, 0.99, sized=True))
+        for here, range_m, bearing_rad in (*before, *now)
+    )
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(20.0, 1.2)
+    assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights)) is None
 
 
 @pytest.mark.parametrize("short_m", [-8.0, 8.0])

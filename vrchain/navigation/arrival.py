@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.goal import BY_CHANCE, GoalSight, KnownGoal
@@ -26,6 +26,7 @@ _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
 _SHAPE_M = 5.0  # sights from nearer show no shape
+_RICH = 300  # keypoints on a goal in a picture, from which it is no plain thing
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
@@ -39,6 +40,7 @@ _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that 
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
+_SIDE_RAD = 0.8  # sights in directions so far apart show one side of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,15 +174,15 @@ class Arrival:
     def _is_sure(self, suspect: Suspect) -> bool:
         """Whether arrival may be claimed there: more is seen of it than of a house of its make."""
         config = self.pilot.config
-        told = [
-            (max(0, sight.n_matches - BY_CHANCE), sight.looks)
-            for _, sight in suspect.sights
-            if sight.chance >= config.sure_chance and sight.surface_m >= _SHAPE_M
-        ]
-        if any(n >= config.surest_matches and x >= config.surest_looks for n, x in told):
-            return True
-        many = any(n >= config.sure_matches for n, _ in told)
-        return many and any(x >= config.sure_looks for _, x in told)
+        sights = [sight for _, sight in suspect.sights if sight.chance >= config.sure_chance]
+        shapes = [sight for sight in sights if sight.surface_m >= _SHAPE_M]
+        for sight in shapes:
+            rich = min(1.0, sight.n_shown / _RICH) if sight.n_shown else 1.0
+            least = max(config.least_matches, config.surest_matches * rich)
+            if sight.n_matches - BY_CHANCE >= least and sight.looks >= config.surest_looks:
+                return True
+        many = any(sight.n_matches - BY_CHANCE >= config.sure_matches for sight in sights)
+        return many and any(sight.looks >= config.sure_looks for sight in shapes)
 
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
@@ -307,10 +309,11 @@ class Arrival:
         sized = [(here, sight) for here, sight in suspect.sights if sight.sized]
         if not sized:
             return None
-        stood = np.array([here.xy_m for here, _ in sized])
         course = np.array([here.yaw_rad + sight.bearing_rad for here, sight in sized])
+        side = np.abs(wrap_angle_rad(course - course[-1])) < _SIDE_RAD
+        stood = np.array([here.xy_m for here, _ in sized])[side]
         range_m = np.array([sight.surface_m for _, sight in sized])
-        away = range_m[:, None] * np.stack([np.cos(course), np.sin(course)], axis=1)
+        away = (range_m * np.stack([np.cos(course), np.sin(course)])).T[side]
         scale, far_m = _looming(stood, away)
         there = np.median((stood + scale * away)[-_LATELY:], axis=0)
         onward = there - self.pilot.here.xy_m

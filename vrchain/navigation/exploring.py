@@ -44,7 +44,7 @@ class Explorer:
             self.log("explore", "going where nobody has looked yet", len(pilot.looks) - 1)
         self._target = target
         way_m = 0.0
-        while way_m < pilot.config.look_every_m:
+        while way_m < pilot.config.search_every_m:
             if pilot.here.distance_to_m(target) < 3.0:
                 return
             driven_m = pilot.stretch(target, 2.0, 1.0)

@@ -36,8 +36,8 @@ _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 class GoalSight:
     """What may be the goal. surface_m: how far its nearest side is; chance: that it is the goal.
 
-    n_matches: keypoints that agree with one of its pictures. sized: whether its range is told by
-    how large it looks against the pictures.
+    n_matches: keypoints that agree with one of its pictures, of n_shown that this shows on it.
+    sized: whether its range is told by how large it looks against the pictures.
     """
 
     bearing_rad: float
@@ -48,6 +48,7 @@ class GoalSight:
     looks: float
     chance: float
     sized: bool = False
+    n_shown: int = 0
 
 
 def any_sight(sight: GoalSight) -> bool:
@@ -110,14 +111,17 @@ class GoalPictures:
             hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
             goal = self.keypoints if near_rad is None else self.own
             seen = {} if hopeless else _located(goal, look, bearing, half_rad + _WIDE_RAD)
-            matches = max((s.n_matches for s in seen.values()), default=0)
+            matches, n_shown = max(
+                ((s.n_matches, len(self.own.templates[k].features)) for k, s in seen.items()),
+                default=(0, 0),
+            )
             odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
             scales = [s.scale for s in seen.values() if s.n_matches >= _SIZED_MATCHES]
             side_m = self.taken_m / float(np.median(scales)) if scales else surface_m(look, i)
             found.append(
                 GoalSight(
                     float(wrap_angle_rad(bearing)), float(p.range_m[i]), side_m, half_rad,
-                    matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(scales),
+                    matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(scales), n_shown,
                 )
             )  # fmt: skip
         return max(filter(fair, found), key=lambda s: s.chance, default=None)

@@ -253,13 +253,13 @@ class _Mission:
             )
             self.doubts.blame(driven)
             return False
-        drove = False
+        drove, passed = False, 0
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
             same = drove and leg.node == route.legs[k - 2].node
             if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
-            left = _left_of(route, k - 1)
+            left = _left_of(route, passed)
             if drove:
                 seen = self.regard(pilot.look_around(), left)
                 if isinstance(seen, Suspect):
@@ -283,6 +283,7 @@ class _Mission:
                     self.failed.add(leg.key)
                 return False
             self.reached.add(leg.key)
+            passed = k
         if len(trackers) < len(route.legs) or goal is None:
             if not drove:  # or else from here it will see more
                 lost = route.legs[min(len(trackers), len(route.legs) - 1)]

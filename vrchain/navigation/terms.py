@@ -26,7 +26,8 @@ class MissionConfig:
     approach_m: float = 3.0  # a landmark is reached at this range, so that it hides no other
     arrival_m: float = 1.5  # the goal is reached at this range
     glance_every_m: float = 2.5  # of way: a view of what is driven to
-    look_every_m: float = 12.0  # of way: a look around
+    look_every_m: float = 12.0  # of way: a look around,
+    search_every_m: float = 8.0  # and where no route is known
     sees_m: float = 35.0  # from farther away a glance at the goal tells nothing
     tick_s: float = 0.3  # between two steering commands
     sure_chance: float = 0.8  # that a sight is of the goal, and
@@ -38,6 +39,7 @@ class MissionConfig:
     sure_matches: int = 36
     surest_looks: float = 3.2
     surest_matches: int = 14
+    least_matches: int = 8  # fewer, down to this, as a plain goal's pictures show few
     likely: float = 0.5  # chance of a sight from which nothing else is tried first
     least_chance: float = 0.1  # of a sight that is kept in mind
     least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too
