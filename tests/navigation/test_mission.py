@@ -24,11 +24,17 @@ from vrchain.geometry import Pose, relative
 from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
-from vrchain.navigation.eyes import Eyes
+from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalPictures
-from vrchain.navigation.mission import MissionResult, _is_idle, _left_of, run_mission
+from vrchain.navigation.mission import (
+    MissionResult,
+    _is_idle,
+    _left_of,
+    _Mission,
+    run_mission,
+)
 from vrchain.navigation.places import Place
-from vrchain.navigation.route import Leg
+from vrchain.navigation.route import Leg, Route
 from vrchain.navigation.terms import (
     Decision,
     MissionConfig,
@@ -422,6 +428,30 @@ def test_a_trail_of_panoramas_leads_to_a_goal_that_was_seen_long_ago() -> None:
     assert len(result.plans[0][1].legs) >= 2
     driven_m = np.hypot(*np.diff(body.path, axis=0).T).sum()
     assert driven_m < 1.25 * 64.0  # along the avenue, and not to each landmark at its side
+
+
+def test_a_leg_that_is_cut_off_makes_what_is_left_no_surer(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """R2 went a long way round: the robot goes straight on, by a join that may yet be wrong."""
+    stood = [Pose(*xy_m, 3.0) for xy_m in ((52, 1), (45, 20), (30, 40), (15, 25), (0, 1))]
+    names = [panorama_name("R2", k) for k in range(len(stood))]
+    moved = {n: relative(a, b) for n, (b, a) in zip(names, pairwise(stood), strict=False)}
+    index = PlainIndex(avenue(), dict(zip(names, stood, strict=True)), moved)
+    left = []
+    regard = _Mission.regard
+
+    def noted(self: _Mission, look: Look, route: Route) -> object:
+        left.append((len(self.plans), route.score))
+        return regard(self, look, route)
+
+    monkeypatch.setattr(_Mission, "regard", noted)
+    start, goal = Pose(-4.0, -1.0, 1.0), avenue().goal("goal", 3.0, 2.0, -2.0)
+    eyes = replace(EYES, trust=lambda a, b, found: 0.9)
+    result, body = drive(avenue(), {}, start=start, goal=goal, index=index, eyes=eyes)
+    assert result.arrived and max(y_m for _, y_m in body.path) < 20.0
+    scores = {score for n_plans, score in left if n_plans == 1}
+    assert scores == {result.plans[0][1].score} and len(result.plans[0][1].legs) == 5
 
 
 @pytest.mark.parametrize(
