@@ -1,8 +1,9 @@
 """The goal as a robot knows it, by pictures alone, and finding it in what is seen.
 
 Three things speak for a proposal being the goal: that it looks alike as a whole, that its spots are
-those of the pictures at about the same height above the ground, and that keypoints around it agree
-with one of the pictures. A logistic regression weighs them.
+those of the pictures at about the same height above the ground, and that keypoints agree with one
+of the pictures. Those on the goal itself: what stands before it stands elsewhere too. A logistic
+regression weighs them.
 """
 
 from collections.abc import Callable, Sequence
