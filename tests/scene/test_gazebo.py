@@ -140,6 +140,43 @@ def test_submeshes_by_node_and_by_group(tmp_path: Path) -> None:
         assert np.allclose(centred.mean(axis=0), 0)
 
 
+QUADS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+QUADS_UV = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n"
+
+
+@pytest.mark.parametrize(
+    ("content", "triangles", "area_m2"),
+    [
+        (QUADS, 2, 1.0),
+        (QUADS_UV + "f 1/1/1 2/2/1 3/3/1 4/1/1\n", 2, 2.0),
+        (QUADS_UV + "v -1 0.5 0\nf 1 2 3 4 5\n", 3, 2.5),
+    ],
+)
+def test_faces_of_one_number_of_corners(
+    tmp_path: Path, content: str, triangles: int, area_m2: float
+) -> None:
+    (surface,) = only(
+        load(tmp_path, model(visual(mesh("a.obj"))), {"worlds/a.obj": content})
+    ).surfaces
+    a, b, c = np.moveaxis(surface.vertices_m[surface.faces].astype(float), 1, 0)
+    assert len(a) == triangles
+    assert np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2 == pytest.approx(area_m2)
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        "\ufeff" + gz.obj(),
+        gz.obj().replace("\n", "\r"),
+        gz.obj().replace("v ", "  v\t").replace("f ", "\tf "),
+        gz.obj().replace(" 3/1", "\\\r\n  3/1"),
+    ],
+)
+def test_an_obj_as_other_programs_write_it(tmp_path: Path, content: str) -> None:
+    thing = only(load(tmp_path, model(visual(mesh("a.obj"))), {"worlds/a.obj": content}))
+    assert np.allclose(thing.size_m, 1) and sum(len(s.faces) for s in thing.surfaces) == 12
+
+
 def test_materials_a_script_over_the_meshes_own(tmp_path: Path) -> None:
     script = (
         "fragment_program X glsl { source a.frag }\n// material No/Such { }\n"

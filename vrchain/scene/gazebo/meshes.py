@@ -3,6 +3,7 @@
 Both libraries see only what was checked before: its size, and that XML holds no entities.
 """
 
+import codecs
 import io
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -150,6 +151,7 @@ class Meshes:
         import trimesh
         from trimesh.exchange.obj import load_obj
 
+        data = _plain_lines(data)
         if data.count(b"\nf") > MOST_MESH_TRIANGLES:
             raise SpecError(f"{file}: expected at most {MOST_MESH_TRIANGLES} faces")
         resolver = _MaterialFiles(self._materials, file, element)
@@ -163,15 +165,29 @@ class Meshes:
             uv = getattr(visual, "uv", None)
             colours = mesh.get("vertex_colors")
             group = name.removesuffix(f"_{material}") if material else name
-            faces = np.asarray(mesh["faces"], dtype=np.int64)
             yield Part(
                 group,
                 np.asarray(mesh["vertices"], dtype=float),
-                faces,
+                _fans(np.asarray(mesh["faces"], dtype=np.int64), file),
                 None if uv is None else np.asarray(uv, dtype=float)[:, :2],
                 looks.get(material or "", Look()),
                 None if colours is None else np.asarray(colours, dtype=float)[:, :3],
             )
+
+
+def _plain_lines(data: bytes) -> bytes:
+    """An OBJ as trimesh wants it: no byte order mark, no indents, no tabs, lines by \\n alone."""
+    whole = data.removeprefix(codecs.BOM_UTF8).replace(b"\\\r\n", b" ").replace(b"\\\n", b" ")
+    return b"\n".join(line.strip().replace(b"\t", b" ") for line in whole.splitlines())
+
+
+def _fans(faces: NDArray[np.int64], file: Path) -> NDArray[np.int64]:
+    """Triangles (k, 3) of faces (m, n), which trimesh leaves whole where all have n corners."""
+    m, n = faces.shape
+    if m * (n - 2) > MOST_MESH_TRIANGLES:
+        raise SpecError(f"{file}: expected at most {MOST_MESH_TRIANGLES} triangles")
+    corners = np.array([(0, k, k + 1) for k in range(1, n - 1)], dtype=np.int64)
+    return faces[:, corners.reshape(-1, 3)].reshape(-1, 3)
 
 
 def _stl(data: bytes) -> Iterator[Part]:
