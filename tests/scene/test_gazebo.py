@@ -126,6 +126,14 @@ def test_a_mesh_whose_y_is_up_is_turned(tmp_path: Path) -> None:
     assert thing.bounds_m[0, 2] == 0
 
 
+def test_blanks_around_the_axis_that_is_up(tmp_path: Path) -> None:
+    files = {"worlds/a.dae": gz.dae(up=" Z_UP\n")}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        thing = only(load(tmp_path, model(visual(mesh("a.dae"))), files))
+    assert np.allclose(thing.bounds_m, [(0, 0, 0), (1, 1, 1)])
+
+
 def test_submeshes_by_node_and_by_group(tmp_path: Path) -> None:
     shifted = f'<node name="B"><translate>5 0 0</translate>{gz.INSTANCE}</node>'
     two = f'<node name="A">{gz.INSTANCE}{shifted}</node>'

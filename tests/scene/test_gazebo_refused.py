@@ -161,9 +161,21 @@ NODES = "<library_nodes>" + f'<node id="n0">{gz.INSTANCE}</node>'
 NODES += "".join(many(f"n{k}", f"n{k - 1}") for k in range(1, 12)) + "</library_nodes>"
 
 
+def polylist(vcount: str) -> str:
+    """A box whose faces are given by their numbers of corners."""
+    return gz.dae().replace("triangles", "polylist").replace("<p>", f"<vcount>{vcount}</vcount><p>")
+
+
 @pytest.mark.parametrize(
     ("file", "content", "parts"),
     [
+        ("a.dae", polylist("2000000000"), ["a.dae", "'g'", "<vcount>", "4000000000", "has 72"]),
+        ("a.dae", polylist("3 -3 40"), ["a.dae", "'g'", "<vcount>"]),
+        ("a.dae", gz.dae().replace('meter="1.0"', 'meter="abc"'), ['a.dae: <unit meter="abc">']),
+        ("a.dae", gz.dae(meter=-1), ['a.dae: <unit meter="-1">', "more than 0"]),
+        ("a.dae", gz.dae(meter=float("nan")), ['a.dae: <unit meter="nan">']),
+        ("a.dae", gz.dae().replace('POSITION" source="#p', 'POSITION" source="#x'),
+         ["a.dae", "'g'", "<vertices>", "'#x'"]),
         ("a.dae", "not a mesh", ["a.dae:1", "expected XML"]),
         ("a.dae", gz.dae(doctype=BOMB), ["a.dae:1", "DOCTYPE"]),
         ("a.dae", gz.dae(nodes=""), ["a.dae", "faces, got none"]),
@@ -182,7 +194,7 @@ NODES += "".join(many(f"n{k}", f"n{k - 1}") for k in range(1, 12)) + "</library_
         ("a.stl", bytes(80) + struct.pack("<I", 0), ["a.stl"]),
         ("a.dae", b"PK\x03\x04" + bytes(100), ["a.dae", "expected XML"]),
     ],
-)
+)  # fmt: skip
 def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str]) -> None:
     message = refused(tmp_path, world(model(visual(mesh(file)))), {f"worlds/{file}": content})
     assert [p for p in parts if p not in message] == []

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
+from vrchain.scene.gazebo.dae import check_collada
 from vrchain.scene.gazebo.files import read_bytes
 from vrchain.scene.gazebo.limits import (
     MOST_MESH_BYTES,
@@ -99,11 +100,11 @@ class Meshes:
     def _collada(self, data: bytes, file: Path, element: Element) -> Iterator[Part]:
         import collada
 
+        unit_m, up_axis = check_collada(data, file)
         document = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
-        meter = document.assetInfo.unitmeter
-        base = np.diag([*[1.0 if meter is None else float(meter)] * 3, 1.0])
-        if b"<up_axis>" in data and document.assetInfo.upaxis in _UPRIGHT:
-            base = base @ _UPRIGHT[document.assetInfo.upaxis]
+        base = np.diag([unit_m, unit_m, unit_m, 1.0])
+        if up_axis in _UPRIGHT:
+            base = base @ _UPRIGHT[up_axis]
             self._notes.add("COLLADA meshes that were turned upright", file.name)
         looks: dict[str, Look] = {}
         if document.scene is None:
