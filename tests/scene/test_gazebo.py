@@ -134,6 +134,46 @@ def test_blanks_around_the_axis_that_is_up(tmp_path: Path) -> None:
     assert np.allclose(thing.bounds_m, [(0, 0, 0), (1, 1, 1)])
 
 
+def source(name: str, kind: str, values: str) -> str:
+    """A source of a skin, of one number or name a row."""
+    return (
+        f'<source id="{name}"><{kind}_array id="{name}a">{values}</{kind}_array><technique_common>'
+        f'<accessor source="#{name}a"><param name="{name}"/></accessor></technique_common></source>'
+    )
+
+
+SKIN = (
+    '<library_controllers><controller id="c"><skin source="#g">'
+    "<bind_shape_matrix>1 0 0 3 0 1 0 0 0 0 1 0 0 0 0 1</bind_shape_matrix>"
+    + source("JOINT", "Name", "Bone")
+    + source("TRANSFORM", "float", "1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1")
+    + source("WEIGHT", "float", "1")
+    + '<joints><input semantic="JOINT" source="#JOINT"/>'
+    '<input semantic="INV_BIND_MATRIX" source="#TRANSFORM"/></joints>'
+    '<vertex_weights count="8"><input semantic="JOINT" source="#JOINT" offset="0"/>'
+    '<input semantic="WEIGHT" source="#WEIGHT" offset="1"/><vcount>1 1 1 1 1 1 1 1</vcount>'
+    f"<v>{'0 0 ' * 8}</v></vertex_weights></skin></controller></library_controllers>"
+)
+
+
+def test_a_skin_is_drawn_as_it_was_bound(tmp_path: Path) -> None:
+    instance = gz.INSTANCE.replace("_geometry", "_controller").replace("#g", "#c")
+    nodes = f'<node name="Body"><translate>0 9 0</translate>{instance}</node>'
+    files = {"worlds/a.dae": gz.dae(extra=SKIN, nodes=nodes)}
+    with pytest.warns(UnsupportedWarning, match="drawn as they are at rest: 1 \\(a.dae\\)"):
+        thing = only(load(tmp_path, model(visual(mesh("a.dae"))), files))
+    assert np.allclose(thing.bounds_m, [(3, 0, 0), (4, 1, 1)])
+    assert colours(thing) == {(255, 0, 0)}
+
+
+def test_broken_parts_of_a_mesh_are_told_and_the_rest_is_drawn(tmp_path: Path) -> None:
+    gone = '<instance_geometry url="#gone"/>'
+    files = {"worlds/a.dae": gz.dae(nodes=f"<node>{gz.INSTANCE}{gone}</node>")}
+    with pytest.warns(UnsupportedWarning, match="broken parts of .* left out: 1 \\(a.dae.*gone"):
+        thing = only(load(tmp_path, model(visual(mesh("a.dae"))), files))
+    assert np.allclose(thing.size_m, 1)
+
+
 def test_submeshes_by_node_and_by_group(tmp_path: Path) -> None:
     shifted = f'<node name="B"><translate>5 0 0</translate>{gz.INSTANCE}</node>'
     two = f'<node name="A">{gz.INSTANCE}{shifted}</node>'

@@ -166,6 +166,16 @@ def polylist(vcount: str) -> str:
     return gz.dae().replace("triangles", "polylist").replace("<p>", f"<vcount>{vcount}</vcount><p>")
 
 
+def stl(faces: int, *, broken: int) -> bytes:
+    """Faces as a binary STL, of which the last ones have no place."""
+    whole = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    places = [whole] * (faces - broken) + [struct.pack("<12fH", *[float("nan")] * 12, 0)] * broken
+    return bytes(80) + struct.pack("<I", faces) + b"".join(places)
+
+
+TEXT_STL = "solid a facet outer loop\nvertex 0 0 0\nvertex 1 nan 0\nvertex 0 1 0\n endsolid"
+
+
 @pytest.mark.parametrize(
     ("file", "content", "parts"),
     [
@@ -176,6 +186,17 @@ def polylist(vcount: str) -> str:
         ("a.dae", gz.dae(meter=float("nan")), ['a.dae: <unit meter="nan">']),
         ("a.dae", gz.dae().replace('POSITION" source="#p', 'POSITION" source="#x'),
          ["a.dae", "'g'", "<vertices>", "'#x'"]),
+        ("a.dae", gz.dae().replace('VERTEX" source="#v', 'VERTEX" source="#x'),
+         ["a.dae", "expected a COLLADA mesh", "#x"]),
+        ("a.dae", gz.dae().replace("0 0 1 0 1 1<", "0 0 nan 0 1 1<"),
+         ["a.dae", "texture coordinate in 't'", "finite number"]),
+        ("a.dae", gz.dae().replace("<p>0 ", "<p>-1 "), ["a.dae", "'p'", "index of -1"]),
+        ("a.dae", gz.dae().replace("<p>0 0 ", "<p>0 -1 "), ["a.dae", "'p'", "index of -1"]),
+        ("a.dae", gz.dae().replace(">1 0 0 1<", ">nan 0 0 1<"), ["a.dae", "effect 'e'", "finite"]),
+        ("a.stl", stl(13, broken=1), ["a.stl", "face 13", "finite"]),
+        ("a.stl", stl(2, broken=2), ["a.stl", "face 1", "finite"]),
+        ("a.stl", stl(9, broken=0)[:-60], ["a.stl", "534 bytes", "got 474 bytes", "cut off"]),
+        ("a.stl", TEXT_STL, ["a.stl", "face 1", "finite"]),
         ("a.dae", "not a mesh", ["a.dae:1", "expected XML"]),
         ("a.dae", gz.dae(doctype=BOMB), ["a.dae:1", "DOCTYPE"]),
         ("a.dae", gz.dae(nodes=""), ["a.dae", "faces, got none"]),

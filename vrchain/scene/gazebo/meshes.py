@@ -5,7 +5,7 @@ Both libraries see only what was checked before: its size, and that XML holds no
 
 import codecs
 import io
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -89,15 +89,15 @@ class Meshes:
             self._files[file] = [part for part in cleaned if len(part.faces)]
         return self._files[file]
 
-    def _read(self, kind: str, data: bytes, file: Path, element: Element) -> Iterator[Part]:
+    def _read(self, kind: str, data: bytes, file: Path, element: Element) -> Iterable[Part]:
         if kind == ".dae":
             check(data, file)
             return self._collada(data, file, element)
         if kind == ".obj":
             return self._obj(data, file, element)
-        return _stl(data)
+        return _stl(data, file)
 
-    def _collada(self, data: bytes, file: Path, element: Element) -> Iterator[Part]:
+    def _collada(self, data: bytes, file: Path, element: Element) -> list[Part]:
         import collada
 
         unit_m, up_axis = check_collada(data, file)
@@ -106,16 +106,30 @@ class Meshes:
         if up_axis in _UPRIGHT:
             base = base @ _UPRIGHT[up_axis]
             self._notes.add("COLLADA meshes that were turned upright", file.name)
+        for error in document.errors:
+            self._notes.add("broken parts of COLLADA meshes, left out", f"{file.name}: {error}")
+        nodes = [] if document.scene is None else document.scene.nodes
+        found = list(self._instances(nodes, base, file, element))
+        if document.errors and not found:
+            raise SpecError(f"{file}: expected a COLLADA mesh, got {document.errors[0]}")
+        return found
+
+    def _instances(
+        self, nodes: Sequence[Any], base: NDArray[np.float64], file: Path, element: Element
+    ) -> Iterator[Part]:
+        """The parts that nodes show, by ``base`` to the mesh's frame in metres."""
+        import collada
+
         looks: dict[str, Look] = {}
-        if document.scene is None:
-            return
         budget = _Budget(file)
-        for node, matrix, name in _geometry_nodes(document.scene.nodes, base, budget):
-            if not isinstance(node, collada.scene.GeometryNode):
-                self._notes.add("animated meshes, drawn as they are at rest", file.name)
-                continue
+        for node, matrix, name in _geometry_nodes(nodes, base, budget):
             symbols = {m.symbol: m.target for m in node.materials}
-            for primitive in node.geometry.primitives:
+            if isinstance(node, collada.scene.GeometryNode):
+                geometry = node.geometry
+            else:
+                self._notes.add("animated meshes, drawn as they are at rest", file.name)
+                geometry, matrix = _at_rest(node.controller, base, matrix)
+            for primitive in geometry.primitives:
                 if isinstance(primitive, collada.polylist.Polylist):  # polygons, too
                     primitive = primitive.triangleset()
                 if not isinstance(primitive, collada.triangleset.TriangleSet):
@@ -146,6 +160,8 @@ class Meshes:
         if effect.diffuse is None:
             return Look()
         r, g, b = (float(v) for v in effect.diffuse[:3])
+        if not np.isfinite((r, g, b)).all():
+            raise SpecError(f"{file}: the colour of the effect {effect.id!r} is no finite number")
         return Look((r, g, b))
 
     def _obj(self, data: bytes, file: Path, element: Element) -> Iterator[Part]:
@@ -191,12 +207,25 @@ def _fans(faces: NDArray[np.int64], file: Path) -> NDArray[np.int64]:
     return faces[:, corners.reshape(-1, 3)].reshape(-1, 3)
 
 
-def _stl(data: bytes) -> Iterator[Part]:
+def _stl(data: bytes, file: Path) -> Iterator[Part]:
     import trimesh
+    from trimesh.exchange.stl import load_stl
 
-    loaded = trimesh.load_mesh(io.BytesIO(data), file_type="stl")
-    faces = np.asarray(loaded.faces, dtype=np.int64)
-    yield Part("", np.asarray(loaded.vertices, dtype=float), faces, None, Look())
+    loaded = load_stl(io.BytesIO(data))
+    solids = list(loaded.get("geometry", {"": loaded}).values())
+    size = 84 + 50 * int.from_bytes(data[80:84], "little")
+    if not solids and len(data) != size:
+        raise SpecError(
+            f"{file}: expected an STL, as text up to its endsolid or of {size} bytes as its head "
+            f"says, got {len(data)} bytes: is it cut off?"
+        )
+    for solid in solids:
+        broken = ~np.isfinite(solid["vertices"][solid["faces"]]).all(axis=(1, 2))
+        if broken.any():
+            raise SpecError(f"{file}: a corner of face {broken.argmax() + 1} is no finite number")
+        mesh = trimesh.Trimesh(solid["vertices"], solid["faces"])  # joins corners
+        faces = np.asarray(mesh.faces, dtype=np.int64)
+        yield Part("", np.asarray(mesh.vertices, dtype=float), faces, None, Look())
 
 
 class _MaterialFiles(dict[str, bytes]):
@@ -284,12 +313,28 @@ def _geometry_nodes(
             yield node, matrix, name
 
 
+def _at_rest(
+    controller: Any, base: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> tuple[Any, NDArray[np.float64]]:
+    """The geometry that is animated, and its matrix; bones carry a skin, so its node does not."""
+    import collada
+
+    if isinstance(controller, collada.controller.Skin):
+        return controller.geometry, base @ np.asarray(controller.bind_shape_matrix, dtype=float)
+    return controller.source_geometry, matrix
+
+
 def _check_numbers(primitive: Any, file: Path) -> None:
-    """Raise SpecError for places that are not numbers: pycollada would put 0 there."""
-    for *_, source in primitive.sources["VERTEX"]:
-        for array in source.xmlnode.iter():
-            if array.tag.endswith("float_array") and "nan" in (array.text or "").lower():
-                raise SpecError(f"{file}: a corner in {source.id!r} is not a finite number")
+    """Raise SpecError for what is no number, where pycollada puts 0, and for negative indices."""
+    for kind, what in (("VERTEX", "corner"), ("TEXCOORD", "texture coordinate")):
+        for *_, source in primitive.sources.get(kind, [])[:1]:
+            for array in source.xmlnode.iter():
+                if array.tag.endswith("float_array") and "nan" in (array.text or "").lower():
+                    raise SpecError(f"{file}: a {what} in {source.id!r} is not a finite number")
+    for used in (primitive.vertex_index, primitive.normal_index, *primitive.texcoord_indexset[:1]):
+        if used is not None and used.min() < 0:
+            named = primitive.sources["VERTEX"][0][4].id
+            raise SpecError(f"{file}: a face on {named!r} has an index of {used.min()}, below 0")
 
 
 def _triangles(primitive: Any, name: str, look: Look) -> Part:
