@@ -271,6 +271,43 @@ def test_always_pass_and_comments_of_a_script(tmp_path: Path) -> None:
     assert (scripts["B"].picture, scripts["B"].solid_above) == ("", OPAQUE - 1)
 
 
+def groups(*materials: str) -> str:
+    """An OBJ with a face of each material, each beside the last."""
+    return "".join(
+        f"v {x} 0 0\nv {x + 1} 0 0\nv {x} 0 1\nusemtl {name}\nf -3 -2 -1\n"
+        for x, name in enumerate(materials)
+    )
+
+
+def test_all_material_files_of_a_mesh(tmp_path: Path) -> None:
+    mtl = {"a": "Kd 0.5", "b": "kd 1 0 0", "c": "Kd 0 1 0", "d e": "\tKd\t0 0 1"}
+    files: dict[str, str | bytes] = {
+        f"worlds/{name}.mtl": f"\ufeffnewmtl {name}\n{line}\n" for name, line in mtl.items()
+    }
+    files["worlds/a.obj"] = "mtllib a.mtl b.mtl\nmtllib c.mtl\nmtllib d e.mtl\n" + groups(*mtl)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        thing = only(load(tmp_path, model(visual(mesh("a.obj"))), files))
+    assert colours(thing) == {(128, 128, 128), (255, 0, 0), (0, 255, 0), (0, 0, 255)}
+
+
+def test_what_is_amiss_in_material_files_is_told_and_drawn_white(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.mtl": "newmtl A\nKd spectral f.rfl\nnewmtl P\nmap_Kd -s 2 2 1 -clamp on p.png\n",
+        "worlds/p.png": gz.png((1, 2, 3)),
+        "worlds/a.obj": "mtllib gone.mtl\nmtllib a.mtl\n" + groups("A", "P", "No"),
+    }
+    with pytest.warns(UnsupportedWarning) as told:
+        thing = only(load(tmp_path, model(visual(mesh("a.obj"))), files))
+    assert colours(thing) == {(255, 255, 255), (1, 2, 3)}
+    (line,) = [str(w.message) for w in told]
+    for part in (
+        "material files that are missing: 1 (gone.mtl)", "not RGB, drawn white: 1",
+        "options of pictures in material files: 1", "missing, drawn white: 1 (No)",
+    ):  # fmt: skip
+        assert part in line
+
+
 def test_pictures_are_found_beside_the_mesh_and_in_its_models_textures(tmp_path: Path) -> None:
     mtl = "newmtl A\nKd 0.5 0.5 0.5\nmap_Kd model://m/materials/textures/red.png\n"
     files: dict[str, str | bytes] = {

@@ -221,6 +221,16 @@ def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str
     assert [p for p in parts if p not in message] == []
 
 
+@pytest.mark.parametrize("words", ["nan 0 0", "1 x 0", "1 0"])
+def test_colours_of_a_mesh(tmp_path: Path, words: str) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
+        "worlds/a.mtl": f"newmtl A\nKd {words}\n",
+    }
+    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+    assert "a.mtl:2: expected" in message and "numbers" in message
+
+
 @pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1e7 1e7 1e7", "1 1"])
 def test_scales(tmp_path: Path, scale: str) -> None:
     shown = mesh("a.dae", f"<scale>{scale}</scale>")

@@ -2,7 +2,7 @@
 
 import io
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -252,10 +252,10 @@ def _with(script: _Script, inside: list[str], words: list[str], file: Path) -> _
     if inside == ["technique", "pass"]:
         if first == "diffuse" and len(words) >= 4 and words[1] != "vertexcolour":
             if script.colour == _WHITE:
-                return replace(script, colour=_floats(words[1:4], file))
+                return replace(script, colour=floats(words[1:4], file))
         elif first == "alpha_rejection" and len(words) >= 3:
             if words[1] in ("greater", "greater_equal"):
-                most = int(_floats(words[2:3] * 3, file)[0]) - (words[1] == "greater_equal")
+                most = int(floats(words[2:3] * 3, file)[0]) - (words[1] == "greater_equal")
                 return replace(script, solid_above=max(0, min(254, most)))
         elif first == "scene_blend" and words[1:] in _BLENDED and script.solid_above is None:
             return replace(script, solid_above=HALF)
@@ -263,19 +263,20 @@ def _with(script: _Script, inside: list[str], words: list[str], file: Path) -> _
         if first == "texture" and len(words) >= 2 and not script.picture:
             return replace(script, picture=words[1].strip('"'))
         if first == "scale" and len(words) >= 3 and script.repeats == (1.0, 1.0):
-            u, v, _ = _floats([*words[1:3], "1"], file)
+            u, v, _ = floats([*words[1:3], "1"], file)
             if u and v:
                 return replace(script, repeats=(1 / u, 1 / v))
     return script
 
 
-def _floats(words: list[str], file: Path) -> Colour:
+def floats(words: Sequence[str], where: Path | str) -> Colour:
+    """Words as three finite numbers. Raises SpecError."""
     try:
         a, b, c = (float(word) for word in words)
     except ValueError:
-        a = math.nan
+        a = b = c = math.nan
     if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c)):
-        raise SpecError(f"{file}: expected numbers, got {' '.join(words)[:60]!r}")
+        raise SpecError(f"{where}: expected finite numbers, got {' '.join(words)[:60]!r}")
     return a, b, c
 
 

@@ -20,9 +20,9 @@ from vrchain.scene.gazebo.limits import (
     MOST_MESH_BYTES,
     MOST_MESH_NODES,
     MOST_MESH_TRIANGLES,
-    MOST_SCRIPT_BYTES,
 )
 from vrchain.scene.gazebo.materials import HALF, Look, Materials
+from vrchain.scene.gazebo.mtl import MaterialFiles
 from vrchain.scene.gazebo.notes import Notes
 from vrchain.scene.gazebo.xml import Element, check
 
@@ -171,11 +171,11 @@ class Meshes:
         data = _plain_lines(data)
         if data.count(b"\nf") > MOST_MESH_TRIANGLES:
             raise SpecError(f"{file}: expected at most {MOST_MESH_TRIANGLES} faces")
-        resolver = _MaterialFiles(self._materials, file, element)
-        loaded = load_obj(trimesh.util.wrap_as_stream(data), resolver=resolver, split_groups=True)
-        if resolver.refused is not None:
-            raise resolver.refused
-        looks = resolver.looks
+        looks = MaterialFiles(self._materials, self._notes, file, element).looks(data)
+        # Names of materials only: trimesh would open pictures, we do that ourselves.
+        names = "\n".join(f"newmtl {name}" for name in looks).encode()
+        stream = trimesh.util.wrap_as_stream(b"mtllib -\n" + data)
+        loaded = load_obj(stream, resolver={"-": names}, split_groups=True)
         for name, mesh in loaded.get("geometry", {}).items():
             visual = mesh.get("visual")
             material = getattr(getattr(visual, "material", None), "name", None)
@@ -226,57 +226,6 @@ def _stl(data: bytes, file: Path) -> Iterator[Part]:
         mesh = trimesh.Trimesh(solid["vertices"], solid["faces"])  # joins corners
         faces = np.asarray(mesh.faces, dtype=np.int64)
         yield Part("", np.asarray(mesh.vertices, dtype=float), faces, None, Look())
-
-
-class _MaterialFiles(dict[str, bytes]):
-    """What trimesh asks for the files that an OBJ names: it gets the .mtl, and no picture."""
-
-    def __init__(self, materials: Materials, file: Path, element: Element) -> None:
-        super().__init__()
-        self._materials, self._file, self._element = materials, file, element
-        self.looks: dict[str, Look] = {}
-        self.refused: SpecError | None = None  # trimesh would pass over it
-
-    def __getitem__(self, name: str) -> bytes:
-        try:
-            path = self._materials.beside(name, self._file.parent, self._element)
-            if path is not None:
-                self.looks.update(self._read(read_bytes(path, MOST_SCRIPT_BYTES)))
-        except SpecError as error:
-            self.refused = error
-        # Names of materials only: trimesh would open pictures, we do that ourselves.
-        return "\n".join(f"newmtl {name}" for name in self.looks).encode()
-
-    def _read(self, data: bytes) -> dict[str, Look]:
-        looks: dict[str, Look] = {}
-        name = ""
-        for line in data.decode("utf-8", errors="replace").splitlines():
-            words = line.split()
-            if len(words) < 2:
-                continue
-            if words[0] == "newmtl":
-                name = " ".join(words[1:])
-                looks[name] = Look()
-            elif name and words[0].lower() == "kd" and looks[name].picture is None:
-                looks[name] = replace(looks[name], colour=_kd(words[1:4], self._file))
-            elif name and words[0].lower() == "map_kd":
-                picture = self._materials.picture(
-                    " ".join(words[1:]), self._element, [self._file.parent]
-                )
-                if picture is not None:  # a picture has its colour, whatever Kd says
-                    masked = looks[name].solid_above
-                    looks[name] = Look(picture=picture, solid_above=masked)
-            elif name and words[0].lower() == "map_d":
-                looks[name] = replace(looks[name], solid_above=HALF)
-        return looks
-
-
-def _kd(words: Sequence[str], file: Path) -> tuple[float, float, float]:
-    try:
-        r, g, b = (float(word) for word in words)
-    except ValueError:
-        raise SpecError(f"{file}: expected three numbers after Kd, got {words}") from None
-    return r, g, b
 
 
 class _Budget:
