@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from gazebo_files import box, include, mesh, model, visual, world, write
 
-from vrchain.errors import UnsupportedWarning
+from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.render import Renderer
 from vrchain.scene import Scene, SceneObject, load_scene
 from vrchain.scene.gazebo.kinds import guess
@@ -228,6 +228,7 @@ def test_an_obj_as_other_programs_write_it(tmp_path: Path, content: str) -> None
 def test_materials_a_script_over_the_meshes_own(tmp_path: Path) -> None:
     script = (
         "fragment_program X glsl { source a.frag }\n// material No/Such { }\n"
+        "material Base { }\n"
         "material Paint/Blue : Base { technique { pass {\n diffuse 0 0 1\n } } }\n"
         "material Paint/Sheet\n{\ntechnique\n{\npass\n{\nalpha_rejection greater 200\n"
         "texture_unit\n{\ntexture sheet.png\nscale 0.25 0.5\n}\n"
@@ -269,6 +270,46 @@ def test_always_pass_and_comments_of_a_script(tmp_path: Path) -> None:
     scripts = dict(read_script(tmp_path / "a.material"))
     assert (scripts["A"].picture, scripts["A"].solid_above) == ("a.png", None)
     assert (scripts["B"].picture, scripts["B"].solid_above) == ("", OPAQUE - 1)
+
+
+def test_materials_inherit(tmp_path: Path) -> None:
+    script = (
+        "\ufeffmaterial First { technique { pass { diffuse 0 1 0\n} } }\n"
+        "material Red : Gazebo/Red\n{\n}\nmaterial Redder:Red\n{\n}\n"
+        'material "My Sheet" : First { technique { pass { alpha_rejection greater 9\n'
+        'texture_unit { texture "my sheet.png"\n} } } }\n'
+        'material Cut : "My Sheet"\n{\nset_texture_alias T other.png\n}\n'
+        "material Lost : None { technique { pass { diffuse 0 0 1\n} } }\n"
+        "material Loop : Loop2 { }\nmaterial Loop2 : Loop { }\n"
+        "material Bad { technique { pass { diffuse $r $g $b\n} } }\n"
+    )
+    files: dict[str, str | bytes] = {
+        "models/m/materials/scripts/p.material": script,
+        "models/m/materials/textures/my sheet.png": gz.png((1, 2, 3)),
+        **gz.folder_of("m", ""),
+    }
+    uris = "".join(f"<uri>model://m/materials/{name}</uri>" for name in ("scripts", "textures"))
+
+    def painted(name: str) -> SceneObject:
+        material = f"<material><script>{uris}<name>{name}</name></script></material>"
+        body = model(visual(box("1 1 1"), material=material))
+        files["models/m/model.sdf"] = f'<sdf version="1.6">{body}</sdf>'
+        return only(load(tmp_path, include("model://m"), files))
+
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert colours(painted("First")) == {(0, 255, 0)}
+        assert colours(painted("Red")) == colours(painted("Redder")) == {(255, 0, 0)}
+        assert colours(painted("My Sheet")) == {(0, 2, 0)}
+        assert colours(painted("Loop")) == {(255, 255, 255)}
+    with pytest.warns(UnsupportedWarning, match=r"aliases of textures: 1 \(other.png\)"):
+        assert colours(painted("Cut")) == colours(painted("My Sheet"))
+    with pytest.warns(UnsupportedWarning, match=r"inherit from that are missing: 1 \(None\)"):
+        assert colours(painted("Lost")) == {(0, 0, 255)}
+    with pytest.raises(
+        SpecError, match=r"p\.material: the material 'Bad': expected finite numbers"
+    ):
+        painted("Bad")
 
 
 def groups(*materials: str) -> str:

@@ -2,6 +2,7 @@
 
 import io
 import math
+import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -28,6 +29,7 @@ _PLAIN_PX = 8
 HALF = OPAQUE - 1  # alpha above which a texel of a blended picture is taken for solid
 _BLENDED = (["alpha_blend"], ["src_alpha", "one_minus_src_alpha"])
 _WHITE: Colour = (1.0, 1.0, 1.0)
+_WORDS = re.compile(r'"[^"]*"|\S+')  # of a script; those in quotes may hold blanks
 
 # Diffuse colours of the script that comes with Gazebo; what it draws with pictures of its own has
 # about their mean colour here.
@@ -160,37 +162,79 @@ class Materials:
                 else:
                     folders.append(found)
         folders.append(script.file.parent / "materials" / "scripts")
-        for file in _script_files(folders):
+        files = list(_script_files(folders))
+        found_script = self._named(name, files)
+        if found_script is None:
+            self._notes.add("materials that are missing, drawn grey", name)
+            return Look(STOCK["Grey"])
+        return self._look_of(self._whole(name, found_script, files), script, folders)
+
+    def _named(self, name: str, files: list[Path]) -> "_Script | None":
+        """A material of these scripts, or else of Gazebo's own."""
+        for file in files:
             if file not in self._scripts:
                 self._scripts[file] = dict(read_script(file))
-            found_script = self._scripts[file].get(name)
-            if found_script is not None:
-                return self._look_of(found_script, script, [*folders, file.parent])
+            found = self._scripts[file].get(name)
+            if found is not None:
+                if found.fault:
+                    raise SpecError(found.fault)
+                return found
         stock = name.removeprefix("Gazebo/")
-        if stock in STOCK:
-            return Look(STOCK[stock])
         if stock in PICTURED:
             self._notes.add("stock materials drawn in one colour", name)
-            return Look(PICTURED[stock])
-        self._notes.add("materials that are missing, drawn grey", name)
-        return Look(STOCK["Grey"])
+        colour = STOCK.get(stock, PICTURED.get(stock))
+        return None if colour is None else _Script(colour=colour)
+
+    def _whole(self, name: str, script: "_Script", files: list[Path]) -> "_Script":
+        """A material with what it inherits."""
+        seen = {name}
+        while script.parent and script.parent not in seen:
+            seen.add(script.parent)
+            parent = self._named(script.parent, files)
+            if parent is None:
+                self._notes.add("materials to inherit from that are missing", script.parent)
+                parent = _Script()
+            script = _over(script, parent)
+        return script
 
     def _look_of(self, script: "_Script", element: Element, folders: list[Path]) -> Look:
+        if script.aliased:
+            self._notes.add("aliases of textures", script.aliased)
         picture = None
         if script.picture:
             places = [f.parent if f.is_file() else f for f in folders]
             picture = self.picture(script.picture, element, places)
-        return Look(script.colour, picture, script.solid_above, script.repeats)
+        colour, repeats = script.colour or _WHITE, script.repeats or (1.0, 1.0)
+        return Look(colour, picture, script.solid_above, repeats)
 
 
 @dataclass(frozen=True)
 class _Script:
-    """What counts here of an OGRE material: its first pass's first picture, colour and alpha."""
+    """What counts here of an OGRE material: its first pass's first picture, colour and alpha.
+
+    What is not set is inherited of the material named ``parent``. aliased: a texture that it sets
+    by an alias; fault: what is wrong with it, which matters where it is used.
+    """
 
     picture: str = ""
-    colour: Colour = _WHITE
+    colour: Colour | None = None
     solid_above: int | None = None
-    repeats: tuple[float, float] = (1.0, 1.0)
+    repeats: tuple[float, float] | None = None
+    parent: str = ""
+    aliased: str = ""
+    fault: str = ""
+
+
+def _over(script: _Script, parent: _Script) -> _Script:
+    """A material with what it does not set from its parent, whose own parent is next."""
+    return _Script(
+        script.picture or parent.picture,
+        script.colour or parent.colour,
+        parent.solid_above if script.solid_above is None else script.solid_above,
+        script.repeats or parent.repeats,
+        parent.parent,
+        script.aliased or parent.aliased,
+    )
 
 
 def _script_files(places: list[Path]) -> Iterator[Path]:
@@ -209,7 +253,7 @@ def read_script(file: Path) -> Iterator[tuple[str, _Script]]:
     inside: list[str] = []
     name, script = "", _Script()
     opened = ""
-    text = read_bytes(file, MOST_SCRIPT_BYTES).decode("utf-8", errors="replace")
+    text = read_bytes(file, MOST_SCRIPT_BYTES).decode("utf-8-sig", errors="replace")
     for line in _statements(text):
         if line == "{":
             inside.append(opened.split(" ", 1)[0] if opened else "")
@@ -224,9 +268,21 @@ def read_script(file: Path) -> Iterator[tuple[str, _Script]]:
         else:
             opened = line
             if not inside and line.startswith("material "):
-                name, script = line[9:].split(" : ")[0].strip().strip('"'), _Script()
+                name, parent = _names(line[9:])
+                script = _Script(parent=parent)
             elif inside[:1] == ["material"]:
-                script = _with(script, inside[1:], line.split(), file)
+                words = [word.strip('"') for word in _WORDS.findall(line)]
+                try:
+                    script = _with(script, inside[1:], words, f"{file}: the material {name!r}")
+                except SpecError as error:
+                    script = replace(script, fault=str(error))
+
+
+def _names(words: str) -> tuple[str, str]:
+    """The name of a material and of its parent, as of ``A : B``."""
+    split = re.findall(r'"[^"]*"|:|[^\s:"]+', words)
+    at = split.index(":") if ":" in split else len(split)
+    return " ".join(split[:at]).replace('"', ""), "".join(split[at + 1 : at + 2]).strip('"')
 
 
 def _statements(text: str) -> Iterator[str]:
@@ -246,24 +302,26 @@ def _statements(text: str) -> Iterator[str]:
                 yield " ".join(piece.split())
 
 
-def _with(script: _Script, inside: list[str], words: list[str], file: Path) -> _Script:
+def _with(script: _Script, inside: list[str], words: list[str], where: str) -> _Script:
     """A material with one more statement, which stands in these braces of it."""
     first = words[0]
+    if first == "set_texture_alias" and len(words) >= 3:
+        return replace(script, aliased=words[2])
     if inside == ["technique", "pass"]:
         if first == "diffuse" and len(words) >= 4 and words[1] != "vertexcolour":
-            if script.colour == _WHITE:
-                return replace(script, colour=floats(words[1:4], file))
+            if script.colour is None:
+                return replace(script, colour=floats(words[1:4], where))
         elif first == "alpha_rejection" and len(words) >= 3:
             if words[1] in ("greater", "greater_equal"):
-                most = int(floats(words[2:3] * 3, file)[0]) - (words[1] == "greater_equal")
+                most = int(floats(words[2:3] * 3, where)[0]) - (words[1] == "greater_equal")
                 return replace(script, solid_above=max(0, min(254, most)))
         elif first == "scene_blend" and words[1:] in _BLENDED and script.solid_above is None:
             return replace(script, solid_above=HALF)
     elif inside == ["technique", "pass", "texture_unit"]:
         if first == "texture" and len(words) >= 2 and not script.picture:
-            return replace(script, picture=words[1].strip('"'))
-        if first == "scale" and len(words) >= 3 and script.repeats == (1.0, 1.0):
-            u, v, _ = floats([*words[1:3], "1"], file)
+            return replace(script, picture=words[1])
+        if first == "scale" and len(words) >= 3 and script.repeats is None:
+            u, v, _ = floats([*words[1:3], "1"], where)
             if u and v:
                 return replace(script, repeats=(1 / u, 1 / v))
     return script
