@@ -363,6 +363,36 @@ def test_pictures_are_found_beside_the_mesh_and_in_its_models_textures(tmp_path:
     assert len({id(s.texture) for s in thing.surfaces}) == 1
 
 
+@pytest.mark.parametrize(
+    "name",
+    ["my%20tex.png", "my tex.png", r"C:\tex\my tex.png", "/home/alice/my%20tex.png",
+     "file:///C:/tex/my%20tex.png", "sub/../my tex.png"],
+)  # fmt: skip
+def test_pictures_as_other_programs_name_them(tmp_path: Path, name: str) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.dae": gz.dae(picture=name),
+        "worlds/my tex.png": gz.png((250, 1, 2)),
+        "worlds/sub/b.txt": "",
+    }
+    assert colours(only(load(tmp_path, model(visual(mesh("a.dae"))), files))) == {(250, 1, 2)}
+
+
+@pytest.mark.parametrize("name", ["/home/alice/gone.png", "https://example.org/gone.png"])
+def test_a_picture_of_another_disk_is_told(tmp_path: Path, name: str) -> None:
+    with pytest.warns(UnsupportedWarning, match=f"pictures that are missing: 1 \\({name}\\)"):
+        load(tmp_path, model(visual(mesh("a.dae"))), {"worlds/a.dae": gz.dae(picture=name)})
+
+
+def test_files_by_their_uri(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        **gz.folder_of("big crate", model(visual(box("2 2 2")))),
+        "worlds/a.dae": gz.dae(),
+    }
+    uri = (tmp_path / "models" / "big crate").as_uri()
+    scene = load(tmp_path, include(uri) + model(visual(mesh("file://a.dae"))), files)
+    assert [o.size_m for o in scene.objects] == [(2, 2, 2), (1, 1, 1)]
+
+
 def test_a_missing_picture_is_told_and_the_rest_loads(tmp_path: Path) -> None:
     with pytest.warns(UnsupportedWarning, match="pictures that are missing: 1 \\(gone.png\\)"):
         load(tmp_path, model(visual(mesh("a.dae"))), {"worlds/a.dae": gz.dae(picture="gone.png")})

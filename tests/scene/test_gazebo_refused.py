@@ -1,5 +1,6 @@
 """What is wrong with a world or its models is refused by file and line or element, and soon."""
 
+import errno
 import os
 import re
 import struct
@@ -60,7 +61,11 @@ def refused(
         (world(""), ["test.world", "nothing in this world"]),
         (world("\n" + include("model://gone")), [":2: <include>", "'model://gone'", "_MODEL_PATH"]),
         (world(include("")), ["<include>", "<uri>"]),
-        (world(include("https://fuel.org/models/car")), ["<include>", "https://fuel.org"]),
+        (world(include("https://fuel.org/models/car")),
+         ["<include>", "https://fuel.org", "nothing is fetched", "GAZEBO_MODEL_PATH"]),
+        (world(model(visual(mesh("https://fuel.org/a.dae")))), ["<uri>", "nothing is fetched"]),
+        (world(model(visual(mesh("file:///etc/a.dae")))), ["<uri>", "leads out of the model"]),
+        (world(model(visual(mesh("x" * 300)))), [":1: <uri>", "name too long", "at most 255"]),
         (world(model(visual(box("1 1 1"), pose="1 2 3"))), [":1: <pose>", "6 finite", "'1 2 3'"]),
         (world(model(visual(box("1 1 1"), pose="nan 0 0 0 0 0"))), ["<pose>", "finite"]),
         (world(model(visual(box("1 1 1"), pose="0 1e9 0 0 0 0"))), ["'thing'", "km away"]),
@@ -81,6 +86,31 @@ def refused(
 def test_documents(tmp_path: Path, document: str, parts: list[str]) -> None:
     message = refused(tmp_path, document)
     assert [p for p in parts if p not in message] == []
+
+
+def test_a_script_and_a_world_of_too_long_a_name(tmp_path: Path) -> None:
+    material = f"<material><script><uri>{'x' * 300}</uri><name>A</name></script></material>"
+    message = refused(tmp_path, world(model(visual(box("1 1 1"), material=material))))
+    assert "test.world:1: <uri>" in message and "name too long" in message
+    message = refused(tmp_path, world(include("model://" + "x" * 300)), gz.folder_of("m", CRATE))
+    assert "test.world:1: <include>" in message and "name too long" in message
+    with pytest.raises(SpecError, match="name too long"):
+        load_scene(tmp_path / f"{'x' * 300}.world")
+
+
+def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path, gz.folder_of("m", CRATE))
+    closed = tmp_path / "models" / "m" / "model.config"
+    stat = Path.stat
+
+    def refuse(path: Path, **options: bool) -> os.stat_result:
+        if path == closed:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return stat(path, **options)
+
+    monkeypatch.setattr(Path, "stat", refuse)
+    message = refused(tmp_path, world(include("model://m")))
+    assert "model.config: cannot look there (Permission denied)" in message
 
 
 def test_no_file_and_a_folder(tmp_path: Path) -> None:

@@ -5,13 +5,14 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from urllib.parse import unquote
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.scene.gazebo.files import Folders, read_bytes
+from vrchain.scene.gazebo.files import Folders, is_elsewhere, is_file, read_bytes
 from vrchain.scene.gazebo.limits import (
     MOST_IMAGE_BYTES,
     MOST_IMAGE_PX,
@@ -106,19 +107,29 @@ class Materials:
         None, with a note, where there is none.
         """
         name = name.strip().replace("\\", "/").removeprefix("file://")
-        for folder in folders:
-            near = (folder.parent / "materials" / "textures", folder / "materials" / "textures")
-            for place in (folder, *(n for n in near if self._folders.hold(n))):
-                found = self._folders.find(name, place, element)
-                if found is not None and found.is_file():
-                    return found
+        for spelt in self._spellings(name):
+            for folder in folders:
+                near = (folder.parent / "materials" / "textures", folder / "materials" / "textures")
+                for place in (folder, *(n for n in near if self._folders.hold(n))):
+                    found = self._folders.find(spelt, place, element)
+                    if found is not None and is_file(found):
+                        return found
         self._notes.add("pictures that are missing", name)
         return None
+
+    def _spellings(self, name: str) -> Iterator[str]:
+        """A picture's path as it is written, as a URI, and bare where it is of another disk."""
+        if is_elsewhere(name):
+            return
+        for spelt in dict.fromkeys((name, unquote(name))):
+            lost = spelt.startswith("/") and not self._folders.hold(Path(spelt))
+            lost = lost or bool(PureWindowsPath(spelt).drive)
+            yield PurePosixPath(spelt).name if lost else spelt
 
     def beside(self, name: str, folder: Path, element: Element) -> Path | None:
         """The file that another in ``folder`` names, or None."""
         found = self._folders.find(name.strip().replace("\\", "/"), folder, element)
-        return found if found is not None and found.is_file() else None
+        return found if found is not None and is_file(found) else None
 
     def texture(self, look: Look) -> NDArray[np.uint8]:
         """The texture of a look, (h, w, 3 or 4) uint8, the same array every time."""
@@ -156,7 +167,8 @@ class Materials:
         folders = []
         for uri in script.all("uri"):
             if uri.text and not uri.text.startswith("file://"):
-                found = self._folders.find(uri.text, script.file.parent, uri)
+                here = not is_elsewhere(uri.text)
+                found = self._folders.find(uri.text, script.file.parent, uri) if here else None
                 if found is None:
                     self._notes.add("material folders that are missing", uri.text)
                 else:
@@ -202,7 +214,7 @@ class Materials:
             self._notes.add("aliases of textures", script.aliased)
         picture = None
         if script.picture:
-            places = [f.parent if f.is_file() else f for f in folders]
+            places = [f.parent if is_file(f) else f for f in folders]
             picture = self.picture(script.picture, element, places)
         colour, repeats = script.colour or _WHITE, script.repeats or (1.0, 1.0)
         return Look(colour, picture, script.solid_above, repeats)
@@ -239,10 +251,10 @@ def _over(script: _Script, parent: _Script) -> _Script:
 
 def _script_files(places: list[Path]) -> Iterator[Path]:
     for place in places:
-        if place.is_file():
+        if is_file(place):
             yield place
         elif place.is_dir():
-            yield from sorted(f for f in place.glob("*.material") if f.is_file())
+            yield from sorted(f for f in place.glob("*.material") if is_file(f))
 
 
 def read_script(file: Path) -> Iterator[tuple[str, _Script]]:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import rotation_z
-from vrchain.scene.gazebo.files import VARIABLES, Folders, read_bytes
+from vrchain.scene.gazebo.files import VARIABLES, Folders, is_file, read_bytes
 from vrchain.scene.gazebo.limits import MOST_INCLUDES_DEEP, MOST_MODELS, MOST_XML_BYTES
 from vrchain.scene.gazebo.notes import Notes
 from vrchain.scene.gazebo.xml import Element, parse
@@ -238,16 +238,16 @@ class _Reader:
                 f"no model {uri[:200]!r} in the folders searched ({self._folders}): "
                 f"name its folder's parent in {VARIABLES[0]} or {VARIABLES[1]}"
             )
-        if found.is_file():
+        if is_file(found):
             return found
         config = found / "model.config"
         named = "model.sdf"
-        if config.is_file():
+        if is_file(config):
             listed = list(parse(read_bytes(config, MOST_XML_BYTES), config).all("sdf"))
             if listed:
                 named = max(listed, key=_version).text
         file = self._folders.find(named, found, include)
-        if file is None or not file.is_file():
+        if file is None or not is_file(file):
             raise include.error(f"the model {uri!r} has no file {named!r} in {found}")
         return file
 

@@ -13,7 +13,7 @@ from vrchain import seeding
 from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.scene import backdrop, light
 from vrchain.scene.gazebo import kinds, primitives
-from vrchain.scene.gazebo.files import model_folders
+from vrchain.scene.gazebo.files import is_file, model_folders
 from vrchain.scene.gazebo.limits import MAP_M, MODEL_SIZE_M, MOST_MODELS, MOST_TRIANGLES
 from vrchain.scene.gazebo.materials import Look, Materials
 from vrchain.scene.gazebo.meshes import Meshes, Part, moved
@@ -69,7 +69,7 @@ def load_world(path: str | Path) -> Scene:
     the line or element, on anything amiss.
     """
     path = Path(path)
-    if not path.is_file():
+    if not is_file(path):
         what = "is a folder" if path.is_dir() else "is not there"
         raise SpecError(f"{path} {what}: give a world file ({' or '.join(SUFFIXES)})")
     notes = Notes()
