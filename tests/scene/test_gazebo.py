@@ -7,12 +7,14 @@ import gazebo_files as gz
 import numpy as np
 import pytest
 from gazebo_files import box, include, mesh, model, visual, world, write
+from PIL import Image
 
 from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.render import Renderer
 from vrchain.scene import Scene, SceneObject, load_scene
 from vrchain.scene.gazebo.kinds import guess
 from vrchain.scene.gazebo.materials import read_script
+from vrchain.scene.gazebo.pictures import read_picture
 from vrchain.scene.model import OPAQUE
 
 
@@ -391,6 +393,29 @@ def test_files_by_their_uri(tmp_path: Path) -> None:
     uri = (tmp_path / "models" / "big crate").as_uri()
     scene = load(tmp_path, include(uri) + model(visual(mesh("file://a.dae"))), files)
     assert [o.size_m for o in scene.objects] == [(2, 2, 2), (1, 1, 1)]
+
+
+@pytest.mark.parametrize(
+    ("name", "grey", "level"),
+    [
+        ("a.png", np.full((2, 2), 40000, dtype=np.uint16), 156),
+        ("a.tif", np.full((2, 2), 40000, dtype=np.uint16), 156),
+        ("a.tif", np.full((2, 2), 40000, dtype=np.int32), 156),
+        ("a.tif", np.full((2, 2), 0.5, dtype=np.float32), 128),
+        ("a.tif", np.full((2, 2), np.nan, dtype=np.float32), 0),
+    ],
+)
+def test_pictures_of_more_than_8_bits(
+    tmp_path: Path, name: str, grey: np.ndarray, level: int
+) -> None:
+    Image.fromarray(grey).save(tmp_path / name)
+    assert read_picture(tmp_path / name).tolist() == [[[level] * 3 + [255]] * 2] * 2
+
+
+def test_a_mesh_of_another_kind_is_left_out(tmp_path: Path) -> None:
+    body = model(visual(mesh("a.glb", "<submesh><name>A</name></submesh>")) + visual(box("1 1 1")))
+    with pytest.warns(UnsupportedWarning, match=r"none of \.dae.* left out: 1 \(a\.glb\)"):
+        assert only(load(tmp_path, body, {"worlds/a.glb": b"glTF"})).size_m == (1, 1, 1)
 
 
 def test_a_missing_picture_is_told_and_the_rest_loads(tmp_path: Path) -> None:

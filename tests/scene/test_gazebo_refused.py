@@ -227,6 +227,7 @@ TEXT_STL = "solid a facet outer loop\nvertex 0 0 0\nvertex 1 nan 0\nvertex 0 1 0
         ("a.stl", stl(2, broken=2), ["a.stl", "face 1", "finite"]),
         ("a.stl", stl(9, broken=0)[:-60], ["a.stl", "534 bytes", "got 474 bytes", "cut off"]),
         ("a.stl", TEXT_STL, ["a.stl", "face 1", "finite"]),
+        ("a.glb", b"glTF", ["nothing in this world", "none of .dae, .obj, .stl", "a.glb"]),
         ("a.dae", "not a mesh", ["a.dae:1", "expected XML"]),
         ("a.dae", gz.dae(doctype=BOMB), ["a.dae:1", "DOCTYPE"]),
         ("a.dae", gz.dae(nodes=""), ["a.dae", "faces, got none"]),

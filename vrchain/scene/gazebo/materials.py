@@ -1,6 +1,5 @@
 """Materials: OGRE scripts, Gazebo's stock colours, and the pictures that they name."""
 
-import io
 import math
 import re
 from collections.abc import Iterator, Sequence
@@ -13,19 +12,13 @@ from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
 from vrchain.scene.gazebo.files import Folders, is_elsewhere, is_file, read_bytes
-from vrchain.scene.gazebo.limits import (
-    MOST_IMAGE_BYTES,
-    MOST_IMAGE_PX,
-    MOST_SCRIPT_BYTES,
-    MOST_TEXELS,
-    TEXTURE_PX,
-)
+from vrchain.scene.gazebo.limits import MOST_SCRIPT_BYTES, MOST_TEXELS
 from vrchain.scene.gazebo.notes import Notes
+from vrchain.scene.gazebo.pictures import read_picture
 from vrchain.scene.gazebo.xml import Element
 from vrchain.scene.model import OPAQUE
 
 Colour = tuple[float, float, float]
-_FORMATS = ("PNG", "JPEG", "TGA", "BMP", "GIF", "TIFF", "WEBP", "DDS")
 _PLAIN_PX = 8
 HALF = OPAQUE - 1  # alpha above which a texel of a blended picture is taken for solid
 _BLENDED = (["alpha_blend"], ["src_alpha", "one_minus_src_alpha"])
@@ -354,30 +347,3 @@ def _colour(element: Element) -> Colour:
     """A colour of three or four numbers."""
     values = element.numbers(min(max(len(element.text.split()), 3), 4))
     return values[0], values[1], values[2]
-
-
-def read_picture(file: Path) -> NDArray[np.uint8]:
-    """A picture as (h, w, 4) uint8 RGBA, at most ``TEXTURE_PX`` a side. Raises SpecError."""
-    from PIL import Image
-
-    data = read_bytes(file, MOST_IMAGE_BYTES)
-    try:
-        with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
-            if max(image.size) > MOST_IMAGE_PX or min(image.size) < 1:
-                raise SpecError(
-                    f"{file}: expected a picture of at most {MOST_IMAGE_PX} pixels a side, "
-                    f"got {image.size[0]} x {image.size[1]}"
-                )
-            drawn = image.convert("RGBA")
-    except SpecError:
-        raise
-    except Exception as error:  # decoders raise almost anything
-        reason = " ".join(str(error).replace("<_io.BytesIO object", "<it").split())[:120]
-        raise SpecError(
-            f"{file}: expected a picture ({', '.join(_FORMATS)}), cannot read this: {reason}"
-        ) from None
-    scale = TEXTURE_PX / max(drawn.size)
-    if scale < 1:
-        size = (max(1, round(drawn.width * scale)), max(1, round(drawn.height * scale)))
-        drawn = drawn.resize(size, Image.Resampling.BOX)
-    return np.asarray(drawn)

@@ -64,13 +64,12 @@ class Meshes:
         self._files: dict[Path, list[Part]] = {}
 
     def parts(self, file: Path, element: Element) -> list[Part]:
-        """The parts of a mesh file that an element names. Raises SpecError."""
+        """The parts of a mesh file that an element names; none of other kinds. Raises SpecError."""
         if file not in self._files:
             kind = file.suffix.lower()
             if kind not in _KINDS:
-                raise element.error(
-                    f"expected a mesh in one of {', '.join(_KINDS)}, got {file.name}"
-                )
+                self._notes.add(f"meshes that are none of {', '.join(_KINDS)}, left out", file.name)
+                return []
             data = read_bytes(file, MOST_MESH_BYTES)
             try:
                 with np.errstate(all="ignore"):

@@ -83,7 +83,8 @@ def load_world(path: str | Path) -> Scene:
         if (design := designs.of(model)) is not None
     ]
     if not placed:
-        raise SpecError(f"{path}: nothing in this world can be drawn")
+        why = f", not supported: {notes}" if notes else ""
+        raise SpecError(f"{path}: nothing in this world can be drawn{why}")
     _check_count(path, placed)
     if world.ours is not None:
         return _own_scene(world.name, placed, world.ours)
@@ -357,7 +358,7 @@ class _Designs:
             raise uri.error(f"no mesh {uri.text[:200]!r}: check the name, or the model's folder")
         parts = self._meshes.parts(file, shape)
         submesh = shape.find("submesh")
-        if submesh is not None:
+        if submesh is not None and parts:
             wanted = submesh.words("name")
             parts = [part for part in parts if part.name == wanted]
             if not parts:
