@@ -168,10 +168,14 @@ def test_a_skin_is_drawn_as_it_was_bound(tmp_path: Path) -> None:
     assert colours(thing) == {(255, 0, 0)}
 
 
-def test_broken_parts_of_a_mesh_are_told_and_the_rest_is_drawn(tmp_path: Path) -> None:
+@pytest.mark.parametrize("broken", ["", '<geometry id="gone"><mesh><triangles/></mesh></geometry>'])
+def test_broken_parts_of_a_mesh_are_told_and_the_rest_is_drawn(tmp_path: Path, broken: str) -> None:
     gone = '<instance_geometry url="#gone"/>'
-    files = {"worlds/a.dae": gz.dae(nodes=f"<node>{gz.INSTANCE}{gone}</node>")}
-    with pytest.warns(UnsupportedWarning, match="broken parts of .* left out: 1 \\(a.dae.*gone"):
+    content = gz.dae(nodes=f"<node>{gz.INSTANCE}{gone}</node>")
+    files = {
+        "worlds/a.dae": content.replace("</library_geometries>", f"{broken}</library_geometries>")
+    }
+    with pytest.warns(UnsupportedWarning, match="broken parts of .* left out: . \\(a.dae.*gone"):
         thing = only(load(tmp_path, model(visual(mesh("a.dae"))), files))
     assert np.allclose(thing.size_m, 1)
 

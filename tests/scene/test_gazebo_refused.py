@@ -211,6 +211,7 @@ TEXT_STL = "solid a facet outer loop\nvertex 0 0 0\nvertex 1 nan 0\nvertex 0 1 0
     [
         ("a.dae", polylist("2000000000"), ["a.dae", "'g'", "<vcount>", "4000000000", "has 72"]),
         ("a.dae", polylist("3 -3 40"), ["a.dae", "'g'", "<vcount>"]),
+        ("a.dae", polylist("3 three"), ["a.dae", "'g'", "expected whole numbers"]),
         ("a.dae", gz.dae().replace('meter="1.0"', 'meter="abc"'), ['a.dae: <unit meter="abc">']),
         ("a.dae", gz.dae(meter=-1), ['a.dae: <unit meter="-1">', "more than 0"]),
         ("a.dae", gz.dae(meter=float("nan")), ['a.dae: <unit meter="nan">']),
@@ -311,6 +312,17 @@ def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "a.obj: expected at most 1 MiB" in message
     monkeypatch.setattr(sdf, "MOST_XML_BYTES", 1 << 20)
     assert "test.world: expected at most 1 MiB" in refused(tmp_path, " " * ((1 << 20) + 1))
+
+
+@pytest.mark.parametrize("name", ["/a\0b.png", "a%00b.png", "%2e%2e/%2e%2e/p.png"])
+def test_pictures_by_odd_names(tmp_path: Path, name: str) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
+        "worlds/a.mtl": f"newmtl A\nmap_Kd {name}\n",
+    }
+    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+    assert "test.world:1: <mesh>" in message
+    assert "zero byte" in message or "leads out of the model folders" in message
 
 
 def test_a_broken_script(tmp_path: Path) -> None:

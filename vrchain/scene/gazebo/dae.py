@@ -48,11 +48,16 @@ def _check_sources(mesh: ElementTree.Element, where: str) -> None:
 
 def _check_counts(polygons: ElementTree.Element, where: str) -> None:
     """pycollada makes room for as many corners as <vcount> says, whatever <p> holds."""
-    counts, indices = (
-        np.fromstring((polygons.findtext(tag) or "").strip(), dtype=float, sep=" ")
-        for tag in ("{*}vcount", "{*}p")
-    )
-    offsets = [int(given.get("offset", "0")) for given in polygons.iterfind("{*}input")]
+    try:
+        counts, indices = (
+            np.fromstring((polygons.findtext(tag) or "").strip(), dtype=float, sep=" ")
+            for tag in ("{*}vcount", "{*}p")
+        )
+        offsets = [int(given.get("offset", "0")) for given in polygons.iterfind("{*}input")]
+    except ValueError:
+        raise SpecError(
+            f"{where}: expected whole numbers in the <vcount>, <p> and offsets of its <polylist>"
+        ) from None
     named = counts.sum() * (1 + max(offsets, default=0))
     if counts.min(initial=0) < 0 or named > len(indices):
         raise SpecError(

@@ -125,5 +125,5 @@ def read_bytes(path: Path, most: int) -> bytes:
 def _resolved(path: Path) -> Path:
     try:
         return path.resolve()
-    except (OSError, RuntimeError, ValueError) as error:  # a circle of links, a zero byte
+    except (OSError, RuntimeError) as error:  # a circle of links
         raise SpecError(f"{str(path)[:300]}: cannot follow this path: {error}") from error

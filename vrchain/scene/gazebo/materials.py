@@ -115,8 +115,9 @@ class Materials:
         if is_elsewhere(name):
             return
         for spelt in dict.fromkeys((name, unquote(name))):
-            lost = spelt.startswith("/") and not self._folders.hold(Path(spelt))
-            lost = lost or bool(PureWindowsPath(spelt).drive)
+            lost = bool(PureWindowsPath(spelt).drive)
+            if spelt.startswith("/") and "\0" not in spelt:  # which is refused
+                lost = not self._folders.hold(Path(spelt))
             yield PurePosixPath(spelt).name if lost else spelt
 
     def beside(self, name: str, folder: Path, element: Element) -> Path | None:
