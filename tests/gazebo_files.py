@@ -150,3 +150,6 @@ INSTANCE = (
 
 def _pose(pose: str) -> str:
     return f"<pose>{pose}</pose>" if pose else ""
+
+
+GROUND_MODEL = model(visual(GROUND), name="ground_plane")

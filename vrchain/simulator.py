@@ -3,7 +3,7 @@
 It alone knows where the robots truly are; a robot is given an ``Observation``.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -230,8 +230,9 @@ class Simulator:
         sides = [np.empty((0, 2, 2))]
         for obj in self.scene.objects:
             if obj.solid:
-                corners = shapely.get_coordinates(obj.footprint)
-                sides.append(np.stack([corners[:-1], corners[1:]], axis=1))
+                for line in _lines_of(obj.footprint):
+                    corners = shapely.get_coordinates(line)
+                    sides.append(np.stack([corners[:-1], corners[1:]], axis=1))
         joined = np.concatenate(sides)
         return joined, shapely.STRtree(shapely.linestrings(joined))
 
@@ -247,6 +248,12 @@ class Simulator:
         with np.errstate(divide="ignore"):
             steps = (np.copysign(half, rays_xy) - pose.xy_m) / rays_xy
         return np.abs(steps).min(axis=1)
+
+
+def _lines_of(footprint: shapely.Geometry) -> Iterator[shapely.Geometry]:
+    """The outlines of a footprint's polygons, and of their holes; what is no polygon as it is."""
+    for part in shapely.get_parts(footprint):
+        yield from shapely.get_rings(part) if isinstance(part, shapely.Polygon) else [part]
 
 
 def _clipped(name: str, drive: Drive) -> Drive:

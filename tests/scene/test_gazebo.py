@@ -10,12 +10,15 @@ from gazebo_files import box, include, mesh, model, visual, world, write
 from PIL import Image
 
 from vrchain.errors import SpecError, UnsupportedWarning
+from vrchain.geometry import Pose
 from vrchain.render import Renderer
 from vrchain.scene import Scene, SceneObject, load_scene
 from vrchain.scene.gazebo.kinds import guess
 from vrchain.scene.gazebo.materials import read_script
 from vrchain.scene.gazebo.pictures import read_picture
 from vrchain.scene.model import OPAQUE
+from vrchain.simulator import Simulator
+from vrchain.truth import GroundTruth
 
 
 @pytest.fixture(autouse=True)
@@ -75,6 +78,25 @@ def test_a_frame_that_a_pose_names(tmp_path: Path) -> None:
         "</model>"
     )
     assert centre(only(load(tmp_path, body))) == [1.0, 8.0, 2.0]
+
+
+def test_a_frame_within_a_model_that_a_pose_names(tmp_path: Path) -> None:
+    arm = '<model name="arm"><pose>0 0 2 0 0 0</pose><link name="hand"><pose>3 0 0 0 0 0</pose>'
+    files = gz.folder_of("robot", f'<model name="robot">{arm}</link></model></model>')
+    crate = (
+        '<model name="crate"><pose relative_to="r::arm::hand">0 0 1 0 0 0</pose>'
+        f'<link name="l">{visual(box("1 1 1"))}</link></model>'
+    )
+    body = include("model://robot", pose="10 0 0 0 0 1.5707963267948966", name="r") + crate
+    assert centre(only(load(tmp_path, body, files))) == [10, 3, 3]
+
+
+def test_an_included_sun_is_turned_by_its_include(tmp_path: Path) -> None:
+    files = gz.folder_of("sun", '<light name="sun" type="directional"><pose>0 0 9 0 0 0</pose>'
+                         "<direction>1 0 -1</direction></light>")  # fmt: skip
+    sun = include("model://sun", pose="0 0 9 0 0 1.5707963267948966")
+    light = load(tmp_path, sun + model(visual(box("1 1 1"))), files).light
+    assert (light.sun_azimuth_deg, light.sun_elevation_deg) == pytest.approx((270, 45))
 
 
 def test_the_highest_version_is_the_models_file(tmp_path: Path) -> None:
@@ -448,15 +470,114 @@ def test_primitives_look_outwards(tmp_path: Path, geometry: str, size_m: tuple[f
     assert surface.uv.min() >= 0 and surface.uv.max() <= 1
 
 
-def test_the_ground_goes_on_20_m_beyond_what_stands_on_it(tmp_path: Path) -> None:
+def test_the_ground_goes_on_20_m_beyond_the_map_and_what_stands_on_it(tmp_path: Path) -> None:
     boxes = model(visual(box("2 2 2")), pose="50 0 1 0 0 0.3", name="a")
     ground = model(visual(gz.GROUND), name="ground_plane")
     scene = load(tmp_path, ground + boxes + model(visual(box("2 2 2")), pose="0 -9 1 0 0 0"))
     floor = scene.objects[scene.index_of("ground_plane")]
-    others = np.array([o.bounds_m for o in scene.objects if o is not floor])
-    assert np.allclose(floor.bounds_m[0, :2], others[:, 0, :2].min(axis=0) - 20)
-    assert np.allclose(floor.bounds_m[1, :2], others[:, 1, :2].max(axis=0) + 20)
+    half = np.array(scene.extent_m) / 2
+    assert np.allclose(floor.bounds_m[:, :2], [-half - 20, half + 20])
     assert (floor.kind, floor.landmark, floor.solid) == ("ground", False, False)
+    seen = GroundTruth(scene).look(Pose(-half[0] + 1, half[1] - 1))[0]
+    assert (seen[:, -1] == scene.index_of("ground_plane")).all()  # ahead of a robot in a corner
+
+
+def plane(name: str, size_m: float, z_m: float) -> str:
+    shape = f"<plane><size>{size_m} {size_m}</size></plane>"
+    return model(visual(shape), pose=f"0 0 {z_m} 0 0 0", name=name)
+
+
+@pytest.mark.parametrize(("name", "z_m"), [("parking_lot", 0.01), ("roof", 10.0)])
+def test_the_lowest_plane_alone_is_the_ground(tmp_path: Path, name: str, z_m: float) -> None:
+    ahead = model(visual(box("2 2 2")), pose="200 0 1 0 0 0", name="a")
+    scene = load(tmp_path, plane(name, 50, z_m) + plane("grass", 400, 0) + ahead)
+    sizes = {o.name: o.size_m for o in scene.objects}
+    assert sizes[name] == (50, 50, 0)
+    assert sizes["grass"][0] == scene.extent_m[0] + 40 and scene.extent_m[0] < 410
+    assert scene.objects[0].name == "grass"
+
+
+def test_two_planes_that_are_one_models_ground_do_not_cover_each_other(tmp_path: Path) -> None:
+    files = gz.folder_of("tile", plane("tile", 50, 0))
+    scene = load(tmp_path, include("model://tile") + include("model://tile", "50 0 3 0 0 0"), files)
+    low, high = (o.bounds_m for o in scene.objects)
+    assert np.ptp(low[:, 0]) > 90 and np.allclose(high, [(25, -25, 3), (75, 25, 3)])
+
+
+@pytest.mark.parametrize("z_m", [0.01, -0.5])
+def test_shadows_fall_on_ground_at_any_height(tmp_path: Path, z_m: float) -> None:
+    block = model(visual(box("4 4 6")), pose=f"0 0 {3 + z_m} 0 0 0", name="a")
+
+    def drawn(ground_m: float) -> np.ndarray:
+        body = gz.SUN + plane("ground", 100, ground_m)
+        scene = load(tmp_path, body + block)
+        seen = Renderer(scene).segmentation(Pose(5, 0, np.pi))
+        return Renderer(scene).render(Pose(5, 0, np.pi)).views[seen == scene.index_of("ground")]
+
+    light = drawn(z_m).astype(int).sum(axis=1)
+    assert light.min() < 0.8 * light.max()
+
+
+def walls(*poses: str) -> str:
+    shape = box("20 0.2 2.4")
+    links = (
+        f'<link name="w{i}"><pose>{pose}</pose>{visual(shape)}</link>'
+        for i, pose in enumerate(poses)
+    )
+    return f'<model name="arena">{"".join(links)}</model>'
+
+
+def test_what_stands_around_free_space_leaves_it_free(tmp_path: Path) -> None:
+    quarter = "1.5707963267948966"
+    arena = walls(
+        "0 10 1.2 0 0 0", "0 -10 1.2 0 0 0", f"10 0 1.2 0 0 {quarter}", f"-10 0 1.2 0 0 {quarter}"
+    )
+    crate = model(visual(box("1 1 1")), pose="4 0 0.5 0 0 0", name="crate")
+    scene = load(tmp_path, arena + crate)
+    assert [o.name for o in scene.objects] == ["arena", "crate"]
+    free = scene.is_free([(0, 0), (4, 0), (10, 0), (0, -10), (9, 9)])
+    assert free.tolist() == [True, False, False, False, True]
+    ring_m = Simulator(scene, {"a": Pose(-4, 0)}, seed=1).true_ranges_m("a")
+    east, north, west = ring_m[[0, len(ring_m) // 4, len(ring_m) // 2]]
+    assert (east, north, west) == pytest.approx((7.5, 8.0, 5.9), abs=0.01)
+
+
+def test_a_gate_is_driven_through(tmp_path: Path) -> None:
+    posts = visual(box("0.3 0.3 3"), pose="0 2 1.5 0 0 0") + visual(
+        box("0.3 0.3 3"), pose="0 -2 1.5 0 0 0"
+    )
+    beam = visual(box("0.3 4.3 0.3"), pose="0 0 2.8 0 0 0")
+    scene = load(tmp_path, model(posts + beam, name="gate"))
+    assert scene.is_free([(0, 0), (0, 2)]).tolist() == [True, False]
+
+
+def test_a_visuals_colour_replaces_the_meshs_and_tints_its_picture(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.dae": gz.dae(),
+        "worlds/b.dae": gz.dae(picture="p.png"),
+        "worlds/p.png": gz.png((200, 100, 50)),
+    }
+
+    def painted(file: str, material: str) -> set[tuple[int, ...]]:
+        shown = visual(mesh(file), material=f"<material>{material}</material>")
+        return colours(only(load(tmp_path, model(shown), files)))
+
+    assert painted("a.dae", "<diffuse>0 0 1 1</diffuse>") == {(0, 0, 255)}
+    assert painted("a.dae", "<diffuse>1 1 1 1</diffuse>") == {(255, 255, 255)}
+    assert painted("a.dae", "<diffuse/>") == {(255, 0, 0)}
+    assert painted("b.dae", "<diffuse>1 0.5 0 1</diffuse>") == {(200, 50, 0)}
+    glow = "<diffuse>0 0 0.2 1</diffuse><emissive>1 0 0 1</emissive>"
+    assert painted("a.dae", glow) == {(255, 0, 51)}
+
+
+def test_an_empty_element_is_as_none(tmp_path: Path) -> None:
+    shown = (
+        "<visual name='v'><pose/><transparency/><geometry><mesh><uri>a.dae</uri><scale/></mesh>"
+        "</geometry></visual><visual name='w'><geometry><plane><size/><normal/></plane></geometry>"
+        "</visual>"
+    )
+    thing = only(load(tmp_path, model(shown), {"worlds/a.dae": gz.dae()}))
+    assert np.allclose(thing.bounds_m, [(-0.5, -0.5, 0), (1, 1, 1)], atol=0.002)
 
 
 def test_twins_share_a_model_and_others_of_one_name_do_not(tmp_path: Path) -> None:
@@ -506,6 +627,32 @@ def test_what_is_not_supported_is_told_in_one_warning(tmp_path: Path) -> None:
     assert "\n" not in line
 
 
+def test_what_later_and_earlier_sdf_has_besides_is_told(tmp_path: Path) -> None:
+    crate = model(visual(box("1 1 1")), name="m")
+    body = (
+        '<scene><fog><type>linear</type></fog></scene><gui><plugin filename="libview.so"/></gui>'
+        + crate.replace('name="m"', 'name="m" placement_frame="link"')
+        + crate.replace('name="m"', 'name="n"').replace('"link">', '"link"><pose frame="f"/>')
+        + "<include><uri>model://c</uri><experimental:params/></include>"
+        + '<state><model name="m"><pose>5 0 0 0 0 0</pose><link name="link"><pose>5 0 2 0 0 0'
+        '</pose></link></model><model name="n"><pose>7 0 0 0 0 0</pose><link name="link"><pose>'
+        "7 0 0 0 0 0</pose></link></model><deletions><name>c</name></deletions></state>"
+    )
+    pbr = "<material><pbr><metal><normal_map>n.png</normal_map></metal></pbr></material>"
+    files = gz.folder_of("c", crate.replace('name="m"', 'name="c"'))
+    files |= gz.folder_of("p", model(visual(box("1 1 2"), material=pbr), name="p"))
+    with pytest.warns(UnsupportedWarning) as told:
+        scene = load(tmp_path, body + include("model://p"), files)
+    (line,) = [str(w.message) for w in told]
+    for part in (
+        "fog: 1", "plugins: 1 (libview.so)", "placement frames: 1 (m)", "normal maps: 1",
+        "frames of poses, as of SDF 1.5: 1 (f)", "parameters of includes: 1",
+        "parts that a saved state moves in their model: 1 (m)",
+    ):  # fmt: skip
+        assert part in line
+    assert [o.name for o in scene.objects] == ["m", "n", "p"]
+
+
 def test_a_plain_world_is_told_nothing(tmp_path: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -536,6 +683,11 @@ def test_a_saved_state_moves_models(tmp_path: Path) -> None:
         ("OakTree", (3, 3, 9), "tree"),
         ("pioneer3at", (0.5, 0.5, 0.3), "robot"),
         ("asphalt_plane", (20, 20, 0.1), "ground"),
+        ("grass_terrain", (100, 80, 2), "ground"),
+        ("road_barrier", (3, 0.5, 1), "barrier"),
+        ("parking_garage", (30, 30, 10), "building"),
+        ("parking", (30, 30, 10), "building"),
+        ("kerb", (2, 0.5, 0.5), "object"),
         ("scarecrow", (0.6, 0.4, 1.8), "object"),
         ("x17", (20, 20, 0.1), "ground"),
         ("x17", (9, 9, 4), "building"),
@@ -548,10 +700,13 @@ def test_kinds_by_name_then_by_shape(
     assert guess(name, size_m, leafy=False) == kind
 
 
-def test_a_world_is_drawn(tmp_path: Path) -> None:
-    from vrchain.geometry import Pose
-    from vrchain.truth import GroundTruth
+def test_a_robot_does_not_drive_through_a_road_barrier(tmp_path: Path) -> None:
+    barrier = only(scene := load(tmp_path, model(visual(box("3 0.5 1")), name="road_barrier")))
+    assert (barrier.kind, barrier.landmark, barrier.solid) == ("barrier", True, True)
+    assert not scene.is_free([(0, 0)]).any()
 
+
+def test_a_world_is_drawn(tmp_path: Path) -> None:
     red = "<material><diffuse>1 0 0 1</diffuse></material>"
     body = model(visual(gz.GROUND), name="ground") + model(
         visual(box("1 1 2"), material=red), pose="4 0 1 0 0 0", name="m"

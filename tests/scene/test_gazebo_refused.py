@@ -14,7 +14,7 @@ from gazebo_files import box, include, mesh, model, visual, world, write
 
 from vrchain.errors import SpecError
 from vrchain.scene import load_scene
-from vrchain.scene.gazebo import limits
+from vrchain.scene.gazebo import designs, limits, primitives
 
 CRATE = model(visual(box("1 1 1")))
 BOMB = (
@@ -68,7 +68,16 @@ def refused(
         (world(model(visual(mesh("x" * 300)))), [":1: <uri>", "name too long", "at most 255"]),
         (world(model(visual(box("1 1 1"), pose="1 2 3"))), [":1: <pose>", "6 finite", "'1 2 3'"]),
         (world(model(visual(box("1 1 1"), pose="nan 0 0 0 0 0"))), ["<pose>", "finite"]),
-        (world(model(visual(box("1 1 1"), pose="0 1e9 0 0 0 0"))), ["'thing'", "km away"]),
+        (world(model(visual(box("1 1 1"), pose="0 1e9 0 0 0 0"))),
+         ["test.world:1: <pose>", "within 100 km"]),
+        (world("\n" + model(visual(box("1 1 1"), pose="0 6e4 0 0 0 0"), pose="0 6e4 0 0 0 0")),
+         ["test.world:2: <model>", "'thing'", "km away"]),
+        (world(model(visual(box("1 1 1"), pose="1e308 0 0 0 0 0"), pose="1e308 0 0 0 0 0")),
+         ["test.world:1: <pose>", "within 100 km"]),
+        (world('<model name="m"><link name="l"><visual name="v"><geometry><heightmap/></geometry>'
+               "</visual></link></model>"), ["nothing in this world", "heightmaps: 1"]),
+        (world(gz.GROUND_MODEL + model(visual(box("1 1 1")), pose="900 900 0 0 0 0")),
+         ["test.world", "300 m of the origin", "x in 899.5..900.5"]),
         (world(model(visual(box("1 -1 1")))), ["<size>", "more than 0"]),
         (world(model(visual("<box/>"))), ["<box>", "<size>"]),
         (world(model(visual(box("1e5 1 1")))), ["'thing'", "1e+05 m large", "<scale>"]),
@@ -81,6 +90,8 @@ def refused(
             ["depends on itself", "f -> g -> f"],
         ),
         (world('<model name="m"><pose relative_to="f"/></model>'), ["no frame 'f'"]),
+        (world('<model name="m"><pose relative_to="n::l"/></model><model name="n"/>'),
+         ["test.world:1: <model>", "no frame 'l'"]),
     ],
 )  # fmt: skip
 def test_documents(tmp_path: Path, document: str, parts: list[str]) -> None:
@@ -180,6 +191,24 @@ def test_includes_that_go_deep(tmp_path: Path) -> None:
     for k in range(1, 40):
         files |= gz.folder_of(f"m{k}", f'<model name="m">{include(f"model://m{k - 1}")}</model>')
     assert "deep in one another" in refused(tmp_path, world(include("model://m39")), files)
+
+
+def test_more_triangles_than_a_world_may_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+    build = primitives.build
+    monkeypatch.setattr(primitives, "build", lambda e: (drawn.append(e.tag), build(e))[1])
+    monkeypatch.setattr(designs, "MOST_TRIANGLES", 50_000)
+    ball = visual("<sphere><radius>1</radius></sphere>")
+    message = refused(tmp_path, world(model("\n" + ball * 20_000)))
+    assert "test.world:2: <visual>: expected at most 50000 triangles" in message
+    assert len(drawn) < 60  # it is refused as soon as it is too much
+
+
+def test_more_faces_on_the_map_than_light_falls_on_in_time(tmp_path: Path) -> None:
+    floors = "".join(model(visual(box(f"1900 1900 {k + 1}"))) for k in range(6))
+    assert "test.world: expected faces of at most 4e+06" in refused(tmp_path, world(floors))
 
 
 def many(name: str, below: str, n: int = 10) -> str:

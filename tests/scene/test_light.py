@@ -153,3 +153,9 @@ def test_an_empty_place_is_lit_too() -> None:
     things, ground = bake([], light_of("noon"), EXTENT_M)
     assert things == []
     assert (ground.image == ground.image[0, 0]).all()
+
+
+def test_what_lies_beyond_the_map_is_not_cut() -> None:
+    floor = worlds.box("floor", (0, 0), (2000, 2000, 1), worlds.plain((200, 200, 200)))
+    (baked,), _ = bake([floor], light_of("noon"), EXTENT_M)
+    assert 2000 < sum(len(s.faces) for s in baked.surfaces) < 50_000

@@ -1,5 +1,7 @@
 """How much light gets where, in worlds whose shadows are known."""
 
+import tracemalloc
+
 import numpy as np
 import pytest
 import worlds
@@ -102,3 +104,20 @@ def test_what_stands_at_the_rim_or_beyond_it_is_no_trouble() -> None:
     things = obstacles([block("box", (20, 20), (30, 30, 3))], EXTENT_M, 0.25)
     assert ground_at(things, UP, (20, 20), (0, 0)) == pytest.approx([0, 1], abs=0.02)
     assert ground_at(things, towards(0, 12), (500.0, 0.0)) == [1.0]
+
+
+def test_a_floor_far_wider_than_the_map_takes_little_memory() -> None:
+    tracemalloc.start()
+    things = obstacles([block("box", (0, 0), (2000, 2000, 1))], EXTENT_M, 0.25)
+    peak = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert peak < 200e6
+    assert len(things.cell) == np.prod(things.shape)  # no gap in it
+    assert things.top_m.min() == 1.0
+
+
+def test_what_is_high_above_throws_no_shadow() -> None:
+    high = block("box", (0, 0), (2, 2, 3), base_m=90_000.0)
+    things = obstacles([high, block("box", (5, 0), (2, 2, 300))], EXTENT_M, 0.25)
+    assert things.top_m.max() <= 101.0
+    assert ground_at(things, UP, (0, 0), (5, 0)) == pytest.approx([1, 0], abs=0.05)

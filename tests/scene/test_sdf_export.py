@@ -5,10 +5,12 @@ from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
+import gazebo_files as gz
 import pandas as pd
 import pytest
+from gazebo_files import write
 
-from vrchain.errors import OutputError, SpecError
+from vrchain.errors import OutputError, SpecError, UnsupportedWarning
 from vrchain.experiments.bench_render import free_poses
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
@@ -95,3 +97,50 @@ def test_a_scene_element_that_is_amiss_is_named(tmp_path: Path) -> None:
         )
         with pytest.raises(SpecError, match=rf"b\.world:5: <vrchain:scene>.*{part}"):
             load_scene(tmp_path / "b.world")
+
+
+def test_worlds_in_one_folder_keep_their_models_apart(tmp_path: Path) -> None:
+    spec = parse_spec(SMALL)
+    export_world(spec, tmp_path / "a.world")
+    first = {f: f.read_bytes() for f in (tmp_path / "models").rglob("*") if f.is_file()}
+    export_world(replace(spec, seed=8), tmp_path / "b.world")
+    export_world(replace(spec, name="hamlet _ co", seed=9), tmp_path / "c.world")
+    assert {f: f.read_bytes() for f in first} == first
+
+
+def test_a_name_that_xml_cannot_hold_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"control characters, got 'a\\x01b'"):
+        export_world(replace(parse_spec(SMALL), name="a\x01b"), tmp_path / "a.world")
+    assert list(tmp_path.iterdir()) == []
+
+
+def edited(folder: Path, more: str) -> Path:
+    """A suburb that was written, with more in it by hand."""
+    export_world(parse_spec(SMALL), folder / "a.world")
+    text = (folder / "a.world").read_text()
+    (folder / "b.world").write_text(text.replace("</world>", f"{more}</world>"))
+    return folder / "b.world"
+
+
+def test_a_suburb_that_was_edited_is_read_as_other_worlds_are(tmp_path: Path) -> None:
+    write(tmp_path, gz.folder_of("ground_plane", gz.GROUND_MODEL))
+    crate = gz.model(gz.visual(gz.box("1 1 1")), name="k")
+    more = (
+        gz.include("model://ground_plane")
+        + '<plugin name="p" filename="libwind.so"/><light name="lamp" type="point"/>'
+        + crate * 2
+    )
+    with pytest.warns(UnsupportedWarning) as told:
+        scene = load_scene(edited(tmp_path, more))
+    (line,) = [str(w.message) for w in told]
+    for part in ("planes of ground", "ground_plane", "libwind.so", "(lamp)"):
+        assert part in line
+    assert {"k", "k_2"} <= {o.name for o in scene.objects}
+    assert "ground_plane" not in {o.name for o in scene.objects}
+
+
+@pytest.mark.parametrize("place", ["1e30 0 0", "1e7 0 0", "0 0 1e5"])
+def test_a_place_far_away_is_refused_in_a_suburb_too(tmp_path: Path, place: str) -> None:
+    crate = gz.model(gz.visual(gz.box("1 1 1")), pose=f"{place} 0 0 0")
+    with pytest.raises(SpecError, match=r"b\.world:\d+: <pose>: expected a place within 100 km"):
+        load_scene(edited(tmp_path, crate))

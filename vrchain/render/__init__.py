@@ -74,7 +74,8 @@ class Renderer:
         self.scene = scene
         drawn = [(i + 1, s) for i, o in enumerate(scene.objects) for s in o.surfaces]
         sky = [] if scene.sky is None else [(_SKY, scene.sky)]
-        floor = [(i, s) for i, s in drawn if scene.ground_light and not s.vertices_m[:, 2].any()]
+        light = scene.ground_light
+        floor = [(i, s) for i, s in drawn if light and (s.vertices_m[:, 2] == light.height_m).all()]
         on_floor = {id(s) for _, s in floor}
         self._robot_textures: dict[str, Any] = {}
         self._standing = [

@@ -76,10 +76,11 @@ def glb_bytes(scene: Scene, max_texture_px: int | None = None, *, webp: bool = F
 def _lit_ground(scene: Scene) -> Iterator[SceneObject]:
     """The objects; flat ground, which has its light in a map, in the light of the open."""
     for thing in scene.objects:
-        if scene.ground_light is None or thing.bounds_m[0, 2] != 0 or thing.bounds_m[1, 2] != 0:
+        ground = scene.ground_light
+        if ground is None or (thing.bounds_m[:, 2] != ground.height_m).any():
             yield thing
             continue
-        tint = _open_light(scene.ground_light).astype(np.float32)
+        tint = _open_light(ground).astype(np.float32)
         surfaces = [replace(s, shade=_rgb(s.shade) * tint) for s in thing.surfaces]
         yield replace(thing, surfaces=tuple(surfaces))
 
@@ -97,7 +98,7 @@ def _shadows(ground: LightMap) -> Any:
     (west, south), (east, north) = ground.low_m, ground.high_m
     corners = [(west, south), (east, south), (east, north), (west, north)]
     sheet = Surface(
-        np.array([(*corner, _SHEET_M) for corner in corners], dtype=np.float32),
+        np.array([(*corner, ground.height_m + _SHEET_M) for corner in corners], dtype=np.float32),
         np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32),
         np.array([(0, 0), (1, 0), (1, 1), (0, 1)], dtype=np.float32),
         np.ones(4, dtype=np.float32),

@@ -21,6 +21,7 @@ _SKY = ((20.0, 8, 0.57), (52.0, 6, 0.39), (90.0, 1, 0.04))  # elevation, directi
 _BOUNCE = 0.42  # of the sky's light, what gets even to where no sky is seen
 _LEAF_FACING = 0.7
 _FINE_M, _FINE_M2 = 2.2, 0.7  # faces with a longer edge and more area are cut
+_MOST_FACES = 2_000_000  # from which on none is cut
 _UNCUT = ("tree", "bush")  # fine as they are
 
 # Colours of sun and sky by the time of day, as factors on what they fall on.
@@ -100,7 +101,9 @@ def bake(
     """
     things = list(objects)
     blockers = obstacles(things, extent_m, _SUN_CELL_M)
-    mesh = _cut(_joined(things), [thing.kind in _UNCUT for thing in things for _ in thing.surfaces])
+    half = np.array(extent_m) / 2 + MARGIN_M
+    uncut = [thing.kind in _UNCUT for thing in things for _ in thing.surfaces]
+    mesh = _cut(_joined(things), uncut, half)
     surfaces = [s for thing in things for s in thing.surfaces]
     # A leaf is lit from whichever side light comes: what stands before it counts alone.
     leaf = np.array([s.cut_out for s in surfaces], dtype=bool)[mesh.owner]
@@ -114,7 +117,6 @@ def bake(
     size = sun_on_ground.shape[::-1]
     wide_sky = np.asarray(cv2.resize(sky_on_ground, size, interpolation=cv2.INTER_LINEAR))
     ground = light.towards(light.direction[2], 1.0, sun_on_ground, wide_sky)
-    half = np.array(extent_m) / 2 + MARGIN_M
     return baked, LightMap(np.round(255 * ground[::-1]).astype(np.uint8), -half, half)
 
 
@@ -216,10 +218,11 @@ def _parted(mesh: _Mesh, surfaces: Sequence[Surface]) -> Iterator[Surface]:
         )
 
 
-def _cut(mesh: _Mesh, uncut: Sequence[bool]) -> _Mesh:
+def _cut(mesh: _Mesh, uncut: Sequence[bool], half: NDArray[np.float64]) -> _Mesh:
     """The mesh with large triangles halved across their longest edges until none is large.
 
-    uncut: which surfaces stay as they are.
+    uncut: which surfaces stay as they are. half: (x, y), what lies farther from the origin is not
+    cut. Nor is any more once there are ``_MOST_FACES``.
     """
     n = len(mesh.owner)
     corners = np.column_stack([mesh.vertices_m, mesh.uv, mesh.shade, mesh.normals, mesh.owner])
@@ -227,12 +230,14 @@ def _cut(mesh: _Mesh, uncut: Sequence[bool]) -> _Mesh:
         mesh.faces,
         np.flatnonzero(~np.array(uncut, dtype=bool)[mesh.owner[mesh.faces[:, 0]]]),
     )
-    while len(fresh):
+    while len(fresh) and len(faces) < _MOST_FACES:
         points = corners[faces[fresh], :3]
         side = np.roll(points, -1, axis=1) - points
         length = np.linalg.norm(side, axis=2)
         area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2
-        is_large = (length.max(axis=1) > _FINE_M) & (area > _FINE_M2)
+        low, high = points[..., :2].min(axis=1), points[..., :2].max(axis=1)
+        is_near = ((low <= half) & (high >= -half)).all(axis=1)
+        is_large = is_near & (length.max(axis=1) > _FINE_M) & (area > _FINE_M2)
         large = fresh[is_large]
         turn = (length[is_large].argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(faces[large], turn, axis=1).T

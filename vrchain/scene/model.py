@@ -53,6 +53,7 @@ class SceneObject:
 
     ``model`` names the design: two objects of one model are twins. ``size_m`` is (x, y, z) in
     the model's own frame, before it was turned to its place. ``solid`` things stop robots.
+    ``outline`` is the footprint of a thing that stands around free space, such as an arena.
     """
 
     name: str
@@ -62,6 +63,7 @@ class SceneObject:
     solid: bool
     size_m: tuple[float, float, float]
     surfaces: tuple[Surface, ...]
+    outline: shapely.Geometry | None = None
 
     @cached_property
     def bounds_m(self) -> NDArray[np.float64]:
@@ -72,8 +74,15 @@ class SceneObject:
     @cached_property
     def footprint(self) -> shapely.Geometry:
         """Ground polygon (world frame) of the parts that a robot could bump into."""
+        if self.outline is not None:
+            return self.outline
         triangles = np.concatenate([s.vertices_m[s.faces] for s in self.surfaces]).astype(float)
-        return shapely.MultiPoint(_between(triangles, *_OBSTACLE_HEIGHT_M)).convex_hull
+        return ground_polygon(triangles)
+
+
+def ground_polygon(triangles: NDArray[np.float64]) -> shapely.Geometry:
+    """Convex polygon around what of triangles, (n, 3, 3) float, a robot could bump into."""
+    return shapely.MultiPoint(_between(triangles, *_OBSTACLE_HEIGHT_M)).convex_hull
 
 
 def _between(triangles: NDArray[np.float64], low_m: float, high_m: float) -> NDArray[np.float64]:
@@ -113,15 +122,17 @@ def place(
 
 @dataclass(frozen=True, eq=False)
 class LightMap:
-    """Baked light on flat ground, z = 0, that multiplies its texture and shade.
+    """Baked light on flat ground that multiplies its texture and shade.
 
     image: (h, w, 3) uint8 RGB, the northernmost row first; low_m, high_m: (2,) its lowest and
-    highest corner, (x, y). Beyond them it goes on as at its edge.
+    highest corner, (x, y). Beyond them it goes on as at its edge. height_m: what lies at this z is
+    lit by it.
     """
 
     image: NDArray[np.uint8]
     low_m: NDArray[np.float64]
     high_m: NDArray[np.float64]
+    height_m: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -130,7 +141,7 @@ class Scene:
 
     extent_m: (x, y) size; the map spans -x/2..x/2 and -y/2..y/2. The sky is drawn but is no
     object: it has no id, and rays pass through it. light: the sun in the objects' shades;
-    ground_light: what is lit by it lies on z = 0 all over.
+    ground_light: what is lit by it lies at its height all over.
     robots: where its own robots stand, by name, and ``goal`` what the first of them looks for, in a
     scene that sets a task.
     """

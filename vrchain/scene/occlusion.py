@@ -20,6 +20,9 @@ _KINDS = tuple(_LEAVES_PER_M)
 _SOLID_PER_M = 400.0
 _LEAST_M = 0.05  # a thin lid stops light too
 MARGIN_M = 8.0  # of ground around the map
+_HIGHEST_M = 100.0  # what is higher throws no shadow
+_LONG_M = 128.0  # longer triangles are halved, so that what of them lies off the grid is left out
+_BATCH = 1 << 20  # points at a time
 _ROW = 4096  # OpenCV's pictures have to be narrower than 32768
 
 
@@ -69,6 +72,8 @@ class Obstacles:
             shares[here] = _sampled(light, place[here])
             low_m, high_m = k * layer_m, (k + 1) * layer_m
             met = np.flatnonzero((self.bottom_m < high_m) & (self.top_m > low_m))
+            if not len(met):
+                continue
             inside_m = np.minimum(self.top_m[met], high_m) - np.maximum(self.bottom_m[met], low_m)
             through = np.ones(self.shape, dtype=np.float32)
             taken = np.exp(inside_m * self.per_m[met] / np.float32(-direction[2]))
@@ -128,6 +133,7 @@ def obstacles(
         [np.empty((0, 3, 3), np.float32), *(s.vertices_m[s.faces] for _, s in pieces)]
     )
     kind = np.repeat([k for k, _ in pieces], [len(s.faces) for _, s in pieces])
+    triangles, kind = _near(triangles, kind, half)
     bottom = np.full((len(_KINDS) + 1) * h * w, np.inf, dtype=np.float32)
     top = np.full_like(bottom, -np.inf)
     for of, points in _strewn(triangles, 0.8 * cell_m):
@@ -137,10 +143,33 @@ def obstacles(
         cell = (kind[of] * h + np.clip(row, 0, h - 1)) * w + np.clip(column, 0, w - 1)
         np.minimum.at(bottom, cell.ravel(), points[..., 2].ravel())
         np.maximum.at(top, cell.ravel(), points[..., 2].ravel())
-    filled = np.flatnonzero(bottom < np.inf)
+    filled = np.flatnonzero(bottom < _HIGHEST_M)
+    top = np.minimum(top, np.float32(_HIGHEST_M))
     low = np.minimum(bottom[filled], top[filled] - np.float32(_LEAST_M))
     per_m = np.array([*_LEAVES_PER_M.values(), _SOLID_PER_M], dtype=np.float32)[filled // (h * w)]
     return Obstacles(-half, (h, w), cell_m, filled % (h * w), low, top[filled], per_m)
+
+
+def _near(
+    triangles: NDArray[np.float32], kind: NDArray[np.int64], half: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Triangles (m, 3, 3), and the kinds of each, without what lies off the grid."""
+    near = []
+    while len(triangles):
+        low, high = triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1)
+        is_near = ((low <= half) & (high >= -half)).all(axis=1)
+        triangles, kind = triangles[is_near], kind[is_near]
+        side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        is_long = side.max(axis=1, initial=0) > _LONG_M
+        near.append((triangles[~is_long], kind[~is_long]))
+        turn = (side[is_long].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[is_long], turn[..., None], axis=1), 1, 0)
+        middle = (a + b) / 2
+        halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
+        triangles, kind = np.concatenate(halves), np.tile(kind[is_long], 2)
+    if not near:
+        return triangles, kind
+    return np.concatenate([t for t, _ in near]), np.concatenate([k for _, k in near])
 
 
 def _strewn(
@@ -148,7 +177,7 @@ def _strewn(
 ) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float32]]]:
     """Points on triangles (m, 3, 3), so dense that they skip no square of ``step_m``.
 
-    Yields the numbers (t,) of alike triangles, and (k, t, 3) points, k on each of them.
+    Yields the numbers (t,) of alike triangles, and (k, t, 3) points, k on each of them, in batches.
     """
     side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
     turn = (side.argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest side comes first
@@ -166,4 +195,5 @@ def _strewn(
         n, m = steps[of[0]] + 1
         u, v = np.meshgrid(np.linspace(0, 1, n, dtype=np.float32), np.linspace(0, 1, m))
         share = np.stack([u * (1 - v), v], axis=-1).reshape(-1, 2, 1, 1).astype(np.float32)
-        yield of, a[of] + share[:, 0] * along[of] + share[:, 1] * across[of]
+        for some in np.array_split(of, -(-len(of) * len(share) // _BATCH)):
+            yield some, a[some] + share[:, 0] * along[some] + share[:, 1] * across[some]

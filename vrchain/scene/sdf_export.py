@@ -6,7 +6,7 @@ importer finds the same objects, season, light and sky again.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import OutputError, SpecError
-from vrchain.files import write_file
+from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.scene.light import sunlight
 from vrchain.scene.model import OPAQUE, SceneObject, Surface
@@ -58,6 +58,10 @@ def export_world(spec: SceneSpec, path: str | Path) -> None:
     if target.suffix.lower() != SUFFIX:
         raise OutputError(f"expected a file name that ends in {SUFFIX}, got {path}")
     check_suburb(spec)
+    if not spec.name.isprintable():
+        raise SpecError(
+            f"expected a name that XML can hold, without control characters, got {spec.name!r}"
+        )
     for name, content in world_files(spec, target.name):
         write_file(target.parent / name, content)
 
@@ -65,7 +69,7 @@ def export_world(spec: SceneSpec, path: str | Path) -> None:
 def world_files(spec: SceneSpec, world: str) -> Iterator[tuple[str, bytes]]:
     """The files of a suburb by their paths: those of its models, at last the world."""
     things = [*_standing(spec), *map(_lying, floor(spec))]
-    prefix = "".join(c if c.isalnum() else "_" for c in spec.name)
+    prefix = _prefix(spec)
     folders = {thing.model: f"{prefix}_{thing.model}" for thing in things}
     pictures: dict[int, tuple[str, str]] = {}  # of each texture, the folder and file it is in
     written: set[str] = set()
@@ -75,6 +79,12 @@ def world_files(spec: SceneSpec, world: str) -> Iterator[tuple[str, bytes]]:
             for name, content in _model_files(folders[thing.model], thing, pictures):
                 yield f"models/{folders[thing.model]}/{name}", content
     yield world, _world(spec, things, folders).encode()
+
+
+def _prefix(spec: SceneSpec) -> str:
+    """What the models' folders begin with: no other spec's do, so worlds may share a folder."""
+    named = "".join(c if c.isalnum() else "_" for c in spec.name)
+    return f"{named}_{name_of(asdict(spec))[:8]}"
 
 
 def _standing(spec: SceneSpec) -> Iterator[_Placed]:

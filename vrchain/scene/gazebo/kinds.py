@@ -34,6 +34,7 @@ _WORDS: tuple[tuple[str, str], ...] = (
 _KINDS = {word: kind for kind, words in reversed(_WORDS) for word in words.split()}
 _WHOLE = ("gas_station", "post_office", "speed_limit")  # of two words, looked for first
 _FLAT_M, _WIDE_M = 0.25, 2.0
+_FLAT_SHARE = 0.03  # of its lesser side, that hilly ground may be high
 _SLIM_M, _TALL_M = 0.8, 2.0
 _BUILDING_M = (5.0, 5.0, 2.5)
 
@@ -41,12 +42,12 @@ _BUILDING_M = (5.0, 5.0, 2.5)
 def guess(name: str, size_m: tuple[float, float, float], leafy: bool) -> str:
     """The kind of a model of this name and size; leafy: whether most of it is cut out.
 
-    A name says more than a shape, but for what is as flat as ground.
+    A name says more than a shape, but only what is flat is ground: a road barrier is not.
     """
-    named = _named(name)
+    x_m, y_m, z_m = size_m
+    named = _named(name, flat=z_m < max(_FLAT_M, _FLAT_SHARE * min(x_m, y_m)))
     if named:
         return named
-    x_m, y_m, z_m = size_m
     if z_m < _FLAT_M and max(x_m, y_m) > _WIDE_M:
         return "ground"
     if leafy:
@@ -58,12 +59,12 @@ def guess(name: str, size_m: tuple[float, float, float], leafy: bool) -> str:
     return "object"
 
 
-def _named(name: str) -> str | None:
-    """The kind that a name's words tell, if any."""
+def _named(name: str, *, flat: bool) -> str | None:
+    """The kind that a name's words tell of something flat, or not, if any."""
     lowered = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
     for word in _WHOLE:
         if word in lowered:
             return _KINDS[word]
     words = [w for w in re.split(r"[^a-z]+", lowered) if w]
-    kinds = {_KINDS[w] for w in words if w in _KINDS}
+    kinds = {_KINDS[w] for w in words if w in _KINDS} - (set() if flat else {"ground"})
     return next((kind for kind, _ in _WORDS if kind in kinds), None)

@@ -15,4 +15,6 @@ MOST_MESH_NODES = 20_000  # of a COLLADA file, every use of one counted
 MOST_MESH_TRIANGLES = 2_000_000
 MOST_TRIANGLES = 6_000_000  # of a world
 MODEL_SIZE_M = (1e-3, 2000.0)
+FARTHEST_M = 1e5  # of any place from the origin
 MAP_M = 600.0  # widest map, as for scenes of our own
+MOST_M2 = 4e6  # of faces on the map, which light falls on: five times both sides of a whole map

@@ -24,6 +24,9 @@ HALF = OPAQUE - 1  # alpha above which a texel of a blended picture is taken for
 _BLENDED = (["alpha_blend"], ["src_alpha", "one_minus_src_alpha"])
 _WHITE: Colour = (1.0, 1.0, 1.0)
 _WORDS = re.compile(r'"[^"]*"|\S+')  # of a script; those in quotes may hold blanks
+_NORMAL_MAPS = (
+    "normal_map", "shader/normal_map", "pbr/metal/normal_map", "pbr/specular/normal_map"
+)  # fmt: skip
 
 # Diffuse colours of the script that comes with Gazebo; what it draws with pictures of its own has
 # about their mean colour here.
@@ -75,23 +78,22 @@ class Materials:
         self._textures: dict[Look, NDArray[np.uint8]] = {}
         self._texels = 0
 
-    def look(self, visual: Element) -> tuple[Look | None, Colour]:
-        """The look that a visual's <material> sets, if it does; and a tint of the mesh's own."""
+    def look(self, visual: Element) -> tuple[Look | None, Colour | None]:
+        """The look that a visual's <material> sets, if it does; and the colour, if it has one."""
         material = visual.find("material")
         if material is None:
-            return None, _WHITE
-        if material.find("normal_map") or material.find("shader/normal_map"):
+            return None, None
+        if any(material.find(path) for path in _NORMAL_MAPS):
             self._notes.add("normal maps")
         script = material.find("script")
         if script is not None and script.words("name"):
-            return self._scripted(script), _WHITE
+            return self._scripted(script), None
         albedo = material.words("pbr/metal/albedo_map") or material.words("pbr/specular/albedo_map")
-        diffuse = material.find("diffuse")
-        colour = _WHITE if diffuse is None else _colour(diffuse)
+        colour = _glowing(material)
         if albedo:
             picture = self.picture(albedo, visual, [visual.file.parent])
             if picture is not None:
-                return Look(colour, picture, HALF), _WHITE
+                return Look(colour or _WHITE, picture, HALF), None
         return None, colour
 
     def picture(self, name: str, element: Element, folders: list[Path]) -> Path | None:
@@ -342,6 +344,16 @@ def floats(words: Sequence[str], where: Path | str) -> Colour:
     if not (math.isfinite(a) and math.isfinite(b) and math.isfinite(c)):
         raise SpecError(f"{where}: expected finite numbers, got {' '.join(words)[:60]!r}")
     return a, b, c
+
+
+def _glowing(material: Element) -> Colour | None:
+    """The <diffuse> of a material and what it gives off besides; None where it has none."""
+    diffuse, emissive = material.find("diffuse"), material.find("emissive")
+    if diffuse is None or not diffuse.text:
+        return None
+    own = _colour(diffuse)
+    glow = _colour(emissive) if emissive is not None and emissive.text else (0.0, 0.0, 0.0)
+    return min(own[0] + glow[0], 1.0), min(own[1] + glow[1], 1.0), min(own[2] + glow[2], 1.0)
 
 
 def _colour(element: Element) -> Colour:

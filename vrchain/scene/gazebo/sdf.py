@@ -1,6 +1,5 @@
 """SDF documents: which models a world places where, and the visuals of each.
 
-Poses are x y z roll pitch yaw, turns about fixed axes; they compose from the visual outwards.
 See http://sdformat.org/spec.
 """
 
@@ -9,20 +8,17 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
-from vrchain.geometry import rotation_z
 from vrchain.scene.gazebo.files import VARIABLES, Folders, is_file, read_bytes
+from vrchain.scene.gazebo.frames import Frames, Inner, Matrix, name_of, pose_matrix
 from vrchain.scene.gazebo.limits import MOST_INCLUDES_DEEP, MOST_MODELS, MOST_XML_BYTES
 from vrchain.scene.gazebo.notes import Notes
 from vrchain.scene.gazebo.xml import Element, parse
 
-Matrix = NDArray[np.float64]
-
-_FRAMED = ("link", "model", "include", "frame", "joint")
 # What may stand in a world, model or link and is not drawn, and how the warning calls it.
 _UNSUPPORTED = {
     "plugin": "plugins",
+    "fog": "fog",
     "actor": "actors",
     "population": "populations",
     "road": "roads of lines",
@@ -30,6 +26,7 @@ _UNSUPPORTED = {
     "sensor": "sensors",
     "projector": "projectors",
     "particle_emitter": "particle emitters",
+    "experimental:params": "parameters of includes",
 }
 
 
@@ -56,6 +53,7 @@ class Model:
     design: str  # the folder's name if it has one, else its own
     count: int
     ours: Element | None
+    frames: Frames
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +64,9 @@ class Placed:
     model: Model
     matrix: Matrix
     element: Element
+
+
+_Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,40 +85,6 @@ class World:
 def read_world(path: Path, folders: Folders, notes: Notes) -> World:
     """The world of a file, or its one model as a world. Raises SpecError."""
     return _Reader(folders, notes).world(path)
-
-
-def pose_matrix(element: Element | None) -> Matrix:
-    """A <pose> as (4, 4); the identity where there is none."""
-    matrix = np.eye(4)
-    if element is None or not element.text:
-        return matrix
-    if element.attributes.get("rotation_format", "euler_rpy") == "quat_xyzw":
-        x_m, y_m, z_m, *quaternion = element.numbers(7)
-        matrix[:3, :3] = _of_quaternion(np.array(quaternion), element)
-    else:
-        x_m, y_m, z_m, *angles = element.numbers(6)
-        scale = np.pi / 180 if element.attributes.get("degrees") in ("true", "1") else 1.0
-        roll, pitch, yaw = (scale * a for a in angles)
-        matrix[:3, :3] = rotation_z(yaw) @ _rotation_y(pitch) @ _rotation_x(roll)
-    matrix[:3, 3] = x_m, y_m, z_m
-    return matrix
-
-
-def _rotation_x(angle_rad: float) -> Matrix:
-    return np.roll(rotation_z(angle_rad), 1, axis=(0, 1))
-
-
-def _rotation_y(angle_rad: float) -> Matrix:
-    return np.roll(rotation_z(angle_rad), 2, axis=(0, 1))
-
-
-def _of_quaternion(xyzw: Matrix, element: Element) -> Matrix:
-    norm = float(np.linalg.norm(xyzw))
-    if not norm > 1e-9:
-        raise element.error("expected a quaternion, got one of length 0")
-    x, y, z, w = xyzw / norm
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.eye(3) + 2 * w * cross + 2 * cross @ cross
 
 
 class _Reader:
@@ -139,9 +106,12 @@ class _Reader:
         if not worlds and root.find("model") is None:
             raise root.error("expected a <world> or a <model> in it")
         self._open.append(path.resolve())
-        lights: list[Element] = list(scope.all("light"))
+        lights = [(light, light.find("pose")) for light in scope.all("light")]
         models = list(self._placed(scope, "world", lights))
         self._unsupported(scope, lights=False)
+        for inside, kinds in (("gui", ("plugin",)), ("scene", ("fog",))):
+            for element in scope.all(inside):
+                self._unsupported(element, only=kinds)
         return World(
             scope.attributes.get("name", path.stem),
             tuple(_as_saved(models, scope, self._notes)),
@@ -155,25 +125,27 @@ class _Reader:
             raise root.error("expected <sdf> as the document's root")
         return root
 
-    def _placed(self, scope: Element, frame: str, lights: list[Element]) -> Iterator[Placed]:
+    def _placed(self, scope: Element, frame: str, lights: list[_Light]) -> Iterator[Placed]:
         """The models of a world or model, with their frames resolved; its lights are added."""
         own: dict[int, Model] = {}
         for element in scope.all("model", "include"):
             found = self._model(element) if element.tag == "model" else self._included(element)
             if isinstance(found, Element):
                 if found.tag == "light":
-                    lights.append(found)
+                    pose = element.find("pose")
+                    lights.append((found, found.find("pose") if pose is None else pose))
                 else:
                     self._notes.add(_UNSUPPORTED.get(found.tag, found.tag), found.file.parent.name)
                 continue
             own[id(element)] = found
-        frames = _Frames(scope, frame, {k: (m.name, m.pose) for k, m in own.items()})
+        inner = {k: Inner(m.name, m.pose, m.frames) for k, m in own.items()}
+        frames = Frames(scope, frame, inner)
         if sum(model.count for model in own.values()) > MOST_MODELS:
             raise scope.error(f"expected at most {MOST_MODELS} models, in includes as well")
         for element in scope.all("model", "include"):
             model = own.get(id(element))
             if model is not None:
-                name = _name_of(element, model.name)
+                name = name_of(element, model.name)
                 yield Placed(name, model, frames.of(element, model.pose), element)
 
     def _model(self, element: Element, design: str | None = None) -> Model:
@@ -185,23 +157,24 @@ class _Reader:
             if joint.attributes.get("type") != "fixed":
                 self._notes.add("joints that move", joint.attributes.get("name", ""))
         name = element.attributes.get("name", "") or element.file.parent.name
-        lights: list[Element] = []
+        lights: list[_Light] = []
         nested = tuple(self._placed(element, "__model__", lights))
         for _ in lights:
             self._notes.add(_UNSUPPORTED["light"], name)
-        own = {id(p.element): (p.name, p.model.pose) for p in nested}
-        frames = _Frames(element, "__model__", own)
+        inner = {id(p.element): Inner(p.name, p.model.pose, p.model.frames) for p in nested}
+        frames = Frames(element, "__model__", inner)
         visuals = []
         for link in element.all("link"):
             self._unsupported(link)
+            matrix = frames.of(link)
             for visual in link.all("visual"):
                 self._unsupported(visual)
-                visuals.append(Visual(visual, frames.of_visual(visual, frames.of(link))))
+                visuals.append(Visual(visual, frames.of_visual(visual, matrix)))
         self._deep -= 1
         pose = pose_matrix(element.find("pose"))
         count = 1 + sum(p.model.count for p in nested)
         ours = element.find("vrchain:object")
-        return Model(name, pose, tuple(visuals), nested, design or name, count, ours)
+        return Model(name, pose, tuple(visuals), nested, design or name, count, ours, frames)
 
     def _included(self, include: Element) -> Model | Element:
         """The model of an <include>; or the element of what else it holds, such as a light."""
@@ -251,20 +224,27 @@ class _Reader:
             raise include.error(f"the model {uri!r} has no file {named!r} in {found}")
         return file
 
-    def _unsupported(self, scope: Element, *, lights: bool = True) -> None:
-        for element in scope.all(*_UNSUPPORTED):
+    def _unsupported(
+        self, scope: Element, *, lights: bool = True, only: Iterable[str] = _UNSUPPORTED
+    ) -> None:
+        name = scope.attributes.get("name", "")
+        if scope.attributes.get("placement_frame"):
+            self._notes.add("placement frames", name)
+        pose = scope.find("pose")
+        if pose is not None and pose.attributes.get("frame"):
+            self._notes.add("frames of poses, as of SDF 1.5", pose.attributes["frame"])
+        for element in scope.all(*only):
             if lights or element.tag != "light":
                 name = element.attributes.get("filename") or element.attributes.get("name", "")
                 self._notes.add(_UNSUPPORTED[element.tag], name)
 
-    def _sun(self, lights: Iterable[Element]) -> Matrix | None:
+    def _sun(self, lights: Iterable[_Light]) -> Matrix | None:
         """The direction of the first directional light; the others are noted."""
         sun = None
-        for light in lights:
+        for light, pose in lights:
             if sun is None and light.attributes.get("type") == "directional":
-                way = light.find("direction")
-                given = (0.0, 0.0, -1.0) if way is None else way.numbers(3)
-                turned = pose_matrix(light.find("pose"))[:3, :3] @ np.array(given)
+                given = light.values("direction", (0.0, 0.0, -1.0))
+                turned = pose_matrix(pose)[:3, :3] @ np.array(given)
                 length = float(np.linalg.norm(turned))
                 if not length > 1e-9:
                     raise light.error("expected a <direction>, got one of length 0")
@@ -272,59 +252,6 @@ class _Reader:
             else:
                 self._notes.add(_UNSUPPORTED["light"], light.attributes.get("name", ""))
         return sun
-
-
-class _Frames:
-    """Poses of what a world or model holds, in its frame, by ``relative_to`` where given."""
-
-    def __init__(self, scope: Element, own: str, placed: dict[int, tuple[str, Matrix]]) -> None:
-        self._scope, self._own = scope, own
-        self._placed = placed
-        self._elements: dict[str, Element] = {}
-        for element in scope.all(*_FRAMED):
-            known = placed.get(id(element))
-            name = _name_of(element, known[0] if known else "")
-            if name:
-                self._elements.setdefault(name, element)
-
-    def of(self, element: Element, default: Matrix | None = None) -> Matrix:
-        """Pose of a child of the scope; ``default`` is a model's own, where none is given."""
-        return self._pose(element, default, ())
-
-    def of_visual(self, visual: Element, link: Matrix) -> Matrix:
-        """Pose of a visual, whose link has a known one."""
-        pose = visual.find("pose")
-        given = pose.attributes.get("relative_to", "") if pose is not None else ""
-        return (self._named(given, visual, ()) if given else link) @ pose_matrix(pose)
-
-    def _pose(self, element: Element, default: Matrix | None, seen: tuple[str, ...]) -> Matrix:
-        pose = element.find("pose")
-        if pose is None and default is not None:
-            return default
-        given = pose.attributes.get("relative_to", "") if pose is not None else ""
-        if not given and element.tag == "frame":
-            given = element.attributes.get("attached_to", "")
-        if not given and element.tag == "joint":
-            given = element.words("child")
-        base = self._named(given, element, seen) if given else np.eye(4)
-        return base @ pose_matrix(pose)
-
-    def _named(self, name: str, user: Element, seen: tuple[str, ...]) -> Matrix:
-        if name in (self._own, "world", "__model__"):
-            return np.eye(4)
-        if name in seen or len(seen) > 64:
-            raise user.error(f"its pose depends on itself: {' -> '.join((*seen, name))[:200]}")
-        element = self._elements.get(name)
-        if element is None:
-            raise user.error(f"there is no frame {name[:80]!r} in <{self._scope.tag}>")
-        known = self._placed.get(id(element))
-        return self._pose(element, known[1] if known else None, (*seen, name))
-
-
-def _name_of(element: Element, otherwise: str) -> str:
-    if element.tag == "include":
-        return element.words("name") or otherwise
-    return element.attributes.get("name", "") or otherwise
 
 
 def _version(sdf: Element) -> tuple[int, ...]:
@@ -338,21 +265,40 @@ def _as_saved(models: list[Placed], scope: Element, notes: Notes) -> Iterator[Pl
     saved: dict[str, Element] = {}
     for element in state.all("model") if state is not None else ():
         saved[element.attributes.get("name", "")] = element
+    deleted = [
+        name.text for part in (state.all("deletions") if state else ()) for name in part.all("name")
+    ]
     for placed in models:
+        if placed.name in deleted:
+            continue
         where = saved.get(placed.name)
         matrix = placed.matrix
         if where is not None:
             matrix = pose_matrix(where.find("pose"))
-            scale = where.find("scale")
-            if scale is not None and scale.numbers(3) != (1.0, 1.0, 1.0):
+            if where.values("scale", (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
                 notes.add("scales of a saved state", placed.name)
+            for part in where.all("link", "model"):
+                if _is_moved(part, placed.model, matrix):
+                    notes.add("parts that a saved state moves in their model", placed.name)
         yield Placed(placed.name, placed.model, matrix, placed.element)
     if state is not None and state.find("insertions/model") is not None:
         notes.add("models inserted in a saved state")
 
 
-def flat(placed: Placed, outer: Matrix, prefix: str = "") -> Iterator[tuple[str, Model, Matrix]]:
-    """A placed model as the objects it stands for: name, model, matrix to the world.
+def _is_moved(saved: Element, model: Model, matrix: Matrix) -> bool:
+    """Whether a saved part of a model, placed by a matrix, is elsewhere than in the model's file.
+
+    Gazebo saves poses in the world, SDF has them in the model.
+    """
+    known = model.frames.find(saved.attributes.get("name", ""))
+    if known is None or saved.find("pose") is None:
+        return False
+    pose = pose_matrix(saved.find("pose"))
+    return not any(np.allclose(pose, at, atol=0.01) for at in (known, matrix @ known))
+
+
+def flat(placed: Placed, outer: Matrix, prefix: str = "") -> Iterator[Placed]:
+    """A placed model as the objects it stands for, with their names and matrices in the world.
 
     A model with visuals of its own is one object, with all that lies within it. One without, a mere
     group, is as many objects as there are in it, named with their group's name before ``::``.
@@ -360,7 +306,7 @@ def flat(placed: Placed, outer: Matrix, prefix: str = "") -> Iterator[tuple[str,
     matrix = outer @ placed.matrix
     name = prefix + placed.name
     if placed.model.visuals:
-        yield name, placed.model, matrix
+        yield Placed(name, placed.model, matrix, placed.element)
         return
     for part in placed.model.nested:
         yield from flat(part, matrix, f"{name}::")

@@ -51,8 +51,12 @@ class Element:
 
     def number(self, path: str, default: float) -> float:
         """A child's text as one number."""
+        return self.values(path, (default,))[0]
+
+    def values(self, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """A child's text as so many numbers; ``default`` where there is none or it is empty."""
         found = self.find(path)
-        return default if found is None else found.numbers(1)[0]
+        return default if found is None or not found.text else found.numbers(len(default))
 
     def error(self, what: str) -> SpecError:
         """An error that names the file, the line and the element."""
