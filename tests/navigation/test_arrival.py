@@ -115,24 +115,6 @@ def test_a_house_like_the_goal_is_not_the_goal(sights: list[tuple[int, float, fl
     assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
 
 
-@pytest.mark.parametrize(
-    ("told", "looks", "goes_round"), [(0.9, 3.0, True), (0.9, 2.0, False), (0.3, 3.0, False)]
-)
-def test_where_a_route_led_what_looks_like_the_goal_is_gone_round(
-    told: float, looks: float, goes_round: bool
-) -> None:
-    """From a side that no picture shows not one keypoint agrees."""
-    said: list[str] = []
-    goal = SimpleNamespace(find=lambda *asked, **fair: None)
-    ours = Arrival(
-        cast(Any, Standing()), cast(Any, goal), lambda what, *why, **v: said.append(what)
-    )
-    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 0, looks, 0.3)
-    place = Place(np.array([8.0, 0.0]), np.eye(2))
-    assert not ours.drive_to(Suspect(place, 0.3, ((Pose(0.0, 0.0), sight),), told=told))
-    assert ("circle" in said) == goes_round
-
-
 def test_never_seen_is_never_sure() -> None:
     assert not is_sure()
 

@@ -48,14 +48,13 @@ class Suspect:
     """What may be the goal: its nearest side, and the chance that it is.
 
     sights: the robot's own, and by odometry from where; against: glances from near that did not
-    show it. told: the trust in a route that led there.
+    show it.
     """
 
     place: Place
     chance: float
     sights: tuple[tuple[Pose, GoalSight], ...] = ()
     against: int = 0
-    told: float = 0.0
 
 
 class Arrival:
@@ -186,11 +185,7 @@ class Arrival:
         return many and any(sight.looks >= config.sure_looks for sight in shapes)
 
     def _is_likely(self, suspect: Suspect) -> bool:
-        """By its sights; where a route led, from sides that no picture shows, by looks alone."""
-        config, sights = self.pilot.config, suspect.sights
-        if suspect.told >= config.likely and any(s.looks >= config.sure_looks for _, s in sights):
-            return True
-        return bool(sights) and suspect.chance >= config.likely
+        return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
 
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
         return replace(

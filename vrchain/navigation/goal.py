@@ -1,9 +1,8 @@
 """The goal as a robot knows it, by pictures alone, and finding it in what is seen.
 
 Three things speak for a proposal being the goal: that it looks alike as a whole, that its spots are
-those of the pictures at about the same height above the ground, and that keypoints agree with one
-of the pictures. Those on the goal itself: what stands before it stands elsewhere too. A logistic
-regression weighs them.
+those of the pictures at about the same height above the ground, and that keypoints around it agree
+with one of the pictures. A logistic regression weighs them.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,9 +23,8 @@ from vrchain.panorama import Panorama
 
 # Log-odds that a proposal is the goal: 1, looks, ten times how alike its spots are, log of its
 # range over 15 m, root of keypoints beyond those that agree by chance. Fitted to what patrols
-# published in suburbs of seeds 1310 and 1311, and 16 goals, and calibrated, to be as sure as it is
-# right, on those of 1334 and 1335, and 28 goals.
-_BELIEF = np.array([-19.4, 1.28, 1.76, 1.86, 1.29])
+# published in the suburbs of seeds 1310 and 1311, and 16 goals.
+_BELIEF = np.array([-24.2, 1.52, 2.09, 2.22, 1.54])
 _AMONG = 3  # proposals looked at closely
 BY_CHANCE = 4  # keypoints that agree by chance
 _MANY, _LEAST_ODDS = 16, -3.0  # keypoints that agree beyond chance, which would not do either
@@ -73,16 +71,17 @@ class KnownGoal(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class GoalPictures:
-    """A goal as a robot knows it: what its pictures show, and the keypoints of each.
+    """A goal as a robot knows it: what its pictures show, and all keypoints of each.
 
-    keypoints: of what the pictures are framed on, without what stands before or beside it, which
-    may stand elsewhere too. taken_m: from how far, about, the pictures were taken.
+    own: those of what the pictures are framed on, without what stands before or beside it: by them
+    it is found while it is driven to. taken_m: from how far, about, the pictures were taken.
     """
 
     shown: Sought
     keypoints: Goal
+    own: Goal
     calibration: Calibration
-    taken_m: float = 9.0
+    taken_m: float = 10.0
 
     def find(
         self,
@@ -110,10 +109,10 @@ class GoalPictures:
             *_, by_keypoint = _BELIEF
             odds = float(_BELIEF[:-1] @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i])])
             hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
-            wide_rad = half_rad + _WIDE_RAD
-            seen = {} if hopeless else _located(self.keypoints, look, bearing, wide_rad)
+            goal = self.keypoints if near_rad is None else self.own
+            seen = {} if hopeless else _located(goal, look, bearing, half_rad + _WIDE_RAD)
             matches, n_shown = max(
-                ((s.n_matches, len(self.keypoints.templates[k].features)) for k, s in seen.items()),
+                ((s.n_matches, len(self.own.templates[k].features)) for k, s in seen.items()),
                 default=(0, 0),
             )
             odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
@@ -154,7 +153,7 @@ def goal_from(pictures: Sequence[Panorama], weights: Path = SHIPPED) -> GoalPict
     """A goal by single views that are framed on it."""
     records, goal = [examine(picture, weights) for picture in pictures], goal_of(pictures)
     own = tuple(_of_subject(*known) for known in zip(goal.templates, records, strict=True))
-    return GoalPictures(sought(records), Goal(own), load_calibration(weights))
+    return GoalPictures(sought(records), goal, Goal(own), load_calibration(weights))
 
 
 def _of_subject(template: Template, picture: LandmarkRecord) -> Template:

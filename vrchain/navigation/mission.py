@@ -329,7 +329,7 @@ class _Mission:
                 return True
             if np.hypot(*(suspect.place.xy_m - place.xy_m)) < SAME_M:
                 return False
-        return self.arrival.drive_to(Suspect(place, route.score, told=route.trust))
+        return self.arrival.drive_to(Suspect(place, route.score))
 
     def from_lookout(self, lookout: Tracker, route: Route) -> bool:
         """The goal is not where it should be: look for it from where it was seen."""

@@ -30,7 +30,7 @@ class MissionConfig:
     search_every_m: float = 8.0  # and where no route is known
     sees_m: float = 35.0  # from farther away a glance at the goal tells nothing
     tick_s: float = 0.3  # between two steering commands
-    sure_chance: float = 0.9  # that a sight is of the goal, and
+    sure_chance: float = 0.8  # that a sight is of the goal, and
     sure_looks: float = 2.6  # log-likelihood ratio of its looks, most houses like it have less, and
     # keypoints more than by chance in one sight, to claim arrival; or so many in one that looks
     # like nothing else. Of houses of the goal's make that were met in suburbs of seeds 1330 to 1333
