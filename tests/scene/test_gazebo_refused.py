@@ -282,13 +282,18 @@ def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str
     assert [p for p in parts if p not in message] == []
 
 
-@pytest.mark.parametrize("words", ["nan 0 0", "1 x 0", "1 0"])
-def test_colours_of_a_mesh(tmp_path: Path, words: str) -> None:
+def refused_material(tmp_path: Path, line: str) -> str:
+    """What is said of an OBJ whose material file holds such a line."""
     files: dict[str, str | bytes] = {
         "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
-        "worlds/a.mtl": f"newmtl A\nKd {words}\n",
+        "worlds/a.mtl": f"newmtl A\n{line}\n",
     }
-    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+    return refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+
+
+@pytest.mark.parametrize("words", ["nan 0 0", "1 x 0", "1 0"])
+def test_colours_of_a_mesh(tmp_path: Path, words: str) -> None:
+    message = refused_material(tmp_path, f"Kd {words}")
     assert "a.mtl:2: expected" in message and "numbers" in message
 
 
@@ -345,11 +350,7 @@ def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 
 @pytest.mark.parametrize("name", ["/a\0b.png", "a%00b.png", "%2e%2e/%2e%2e/p.png"])
 def test_pictures_by_odd_names(tmp_path: Path, name: str) -> None:
-    files: dict[str, str | bytes] = {
-        "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
-        "worlds/a.mtl": f"newmtl A\nmap_Kd {name}\n",
-    }
-    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+    message = refused_material(tmp_path, f"map_Kd {name}")
     assert "test.world:1: <mesh>" in message
     assert "zero byte" in message or "leads out of the model folders" in message
 
