@@ -10,6 +10,8 @@ from sights import descriptors, features_of
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.proposer import from_answers, nothing
+from vrchain.landmarks.raster import CELL_PX, cell_slopes, columns_of
+from vrchain.landmarks.recognition import LOWEST_SLOPE
 from vrchain.landmarks.record import LandmarkRecord
 from vrchain.landmarks.sought import sought, subject
 from vrchain.landmarks.spots import NO_SPOTS, descriptors_of, spots_of
@@ -43,6 +45,23 @@ def test_a_picture_is_framed_on_what_is_in_its_middle() -> None:
         assert k is not None
         assert abs(picture.proposals.bearing_rad[k]) < 0.1
         assert abs(picture.proposals.range_m[k] - 6.0) < 1.0
+
+
+def test_a_picture_is_not_framed_on_the_lawn_before_it() -> None:
+    picture = record(towards(0, 6.0))
+    k = subject(picture)
+    assert k is not None
+    p = picture.proposals
+    columns = columns_of(answers.RIG) // CELL_PX
+    low = np.flatnonzero(cell_slopes() < LOWEST_SLOPE)
+    lawn = (low[:, None] * columns + np.arange(columns)).ravel()
+    assert len(lawn) > (p.owner == k).sum()
+    both = p.take([*range(len(p)), k])
+    box = np.vstack([p.box, [-0.8, 0.8, -0.4, 0.2]])
+    owner = np.concatenate([p.owner, np.full(len(lawn), len(p))])
+    cell = np.concatenate([p.cell, lawn])
+    both = replace(both, box=box, cell=cell, owner=owner)
+    assert subject(replace(picture, proposals=both)) == k
 
 
 def test_what_is_sought_looks_more_like_itself_than_all_else_does() -> None:

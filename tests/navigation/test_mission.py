@@ -161,7 +161,7 @@ def test_a_goal_that_is_nowhere() -> None:
     goal = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
     result, _ = drive(street(), TEAM, goal=goal)
     assert not result.arrived and "shows the goal" in result.reason
-    blank = GoalPictures(sought([]), Goal(()), Goal(()), CALIBRATION)
+    blank = GoalPictures(sought([]), Goal(()), CALIBRATION)
     result, _ = drive(street(), TEAM, goal=blank)
     assert not result.arrived
 

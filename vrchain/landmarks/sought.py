@@ -8,6 +8,8 @@ from numpy.typing import NDArray
 
 from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.proposer import Proposals
+from vrchain.landmarks.raster import CELL_PX, cell_slopes, columns_of
+from vrchain.landmarks.recognition import LOWEST_SLOPE
 from vrchain.landmarks.record import LandmarkRecord
 from vrchain.landmarks.spots import Spots
 
@@ -99,9 +101,14 @@ def _of(sights: Sequence[tuple[LandmarkRecord, int]]) -> Sought:
 
 
 def subject(picture: LandmarkRecord) -> int | None:
-    """The proposal that a picture is framed on: of those in its middle, that of the most cells."""
+    """The proposal that a picture is framed on: of those in its middle, that of the most cells.
+
+    What lies low is left out: a lawn before a house may be larger than the house.
+    """
     p = picture.proposals
     right, left, low, high = p.box.T
     middle = (right <= 0) & (left >= 0) & (low <= _MIDDLE_SLOPE) & (high >= -_MIDDLE_SLOPE)
-    cells = np.bincount(p.owner, minlength=len(p)) * middle
+    row = p.cell // (columns_of(picture.rig) // CELL_PX)
+    upright = p.owner[cell_slopes()[row] >= LOWEST_SLOPE]
+    cells = np.bincount(upright, minlength=len(p)) * middle
     return int(cells.argmax()) if cells.any() else None
