@@ -26,6 +26,7 @@ _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
 _SHAPE_M = 5.0  # sights from nearer show no shape
+_AGREE = 2  # sights from farther that tell of a goal
 _RICH = 300  # keypoints on a goal in a picture, from which it is no plain thing
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
@@ -172,17 +173,25 @@ class Arrival:
         return not self.was_mistaken(self._place_of(sight))
 
     def _is_sure(self, suspect: Suspect) -> bool:
-        """Whether arrival may be claimed there: more is seen of it than of a house of its make."""
+        """Whether arrival may be claimed there: more is seen of it than of a house of its make.
+
+        Such a house shows as much as a plain goal in a sight now and then, a goal in most.
+        """
         config = self.pilot.config
         sights = [sight for _, sight in suspect.sights if sight.chance >= config.sure_chance]
         shapes = [sight for sight in sights if sight.surface_m >= _SHAPE_M]
-        for sight in shapes:
-            rich = min(1.0, sight.n_shown / _RICH) if sight.n_shown else 1.0
-            least = max(config.least_matches, config.surest_matches * rich)
-            if sight.n_matches - BY_CHANCE >= least and sight.looks >= config.surest_looks:
-                return True
         many = any(sight.n_matches - BY_CHANCE >= config.sure_matches for sight in sights)
-        return many and any(sight.looks >= config.sure_looks for sight in shapes)
+        if many and any(sight.looks >= config.sure_looks for sight in shapes):
+            return True
+        n_seen = sum(sight.surface_m >= _SHAPE_M for _, sight in suspect.sights)
+        return len(shapes) >= max(_AGREE, n_seen / 2) and any(map(self._is_surest, shapes))
+
+    def _is_surest(self, sight: GoalSight) -> bool:
+        """Whether it looks like nothing but the goal, and shows enough of it, however plain."""
+        config = self.pilot.config
+        rich = min(1.0, sight.n_shown / _RICH) if sight.n_shown else 1.0
+        least = max(config.least_matches, config.surest_matches * rich)
+        return sight.n_matches - BY_CHANCE >= least and sight.looks >= config.surest_looks
 
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
