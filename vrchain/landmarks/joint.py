@@ -28,7 +28,7 @@ from vrchain.landmarks.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.guided import matched_under
 from vrchain.landmarks.joined import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.proposer import Proposals, overlaps
-from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
+from vrchain.landmarks.raster import directions_of
 from vrchain.landmarks.record import LandmarkRecord, owners
 from vrchain.landmarks.sift import mutual_matches
 from vrchain.landmarks.spots import Matched, Spots, by_owner, matched, matched_within
@@ -363,5 +363,4 @@ def regions_of(proposals: Proposals, index: NDArray[np.int64], rig: CameraRig) -
 def mask_of(proposals: Proposals, index: int, rig: CameraRig) -> Array:
     """Directions of a proposal's cells, (k, 2) bearing_rad and slope."""
     cell = proposals.cell[proposals.owner == index]
-    row, column = np.divmod(cell, columns_of(rig) // CELL_PX)
-    return np.column_stack([cell_bearings_rad(rig)[column], cell_slopes()[row]])
+    return np.column_stack(directions_of(cell, rig))

@@ -52,3 +52,11 @@ def cell_slopes() -> NDArray[np.float64]:
     """Slope (tangent of elevation) of each row of cells, (ROWS / CELL_PX,)."""
     middle_px = (np.arange(ROWS // CELL_PX) + 0.5) * CELL_PX
     return np.asarray((ROWS / 2 - middle_px) / PX_PER_RAD, dtype=float)
+
+
+def directions_of(
+    cell: NDArray[np.int64], rig: CameraRig
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Bearing (rad) and slope of cells that are counted row by row, (n,) each."""
+    row, column = np.divmod(cell, columns_of(rig) // CELL_PX)
+    return cell_bearings_rad(rig)[column], cell_slopes()[row]

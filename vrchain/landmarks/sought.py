@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from vrchain.landmarks.calibration import Calibration
 from vrchain.landmarks.proposer import Proposals
-from vrchain.landmarks.raster import CELL_PX, cell_slopes, columns_of
+from vrchain.landmarks.raster import directions_of
 from vrchain.landmarks.recognition import LOWEST_SLOPE
 from vrchain.landmarks.record import LandmarkRecord
 from vrchain.landmarks.spots import Spots
@@ -108,7 +108,7 @@ def subject(picture: LandmarkRecord) -> int | None:
     p = picture.proposals
     right, left, low, high = p.box.T
     middle = (right <= 0) & (left >= 0) & (low <= _MIDDLE_SLOPE) & (high >= -_MIDDLE_SLOPE)
-    row = p.cell // (columns_of(picture.rig) // CELL_PX)
-    upright = p.owner[cell_slopes()[row] >= LOWEST_SLOPE]
+    _, slope = directions_of(p.cell, picture.rig)
+    upright = p.owner[slope >= LOWEST_SLOPE]
     cells = np.bincount(upright, minlength=len(p)) * middle
     return int(cells.argmax()) if cells.any() else None

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.landmarks.guided import matched_under, mutual
 from vrchain.landmarks.proposer import Proposals
-from vrchain.landmarks.raster import CELL_PX, cell_bearings_rad, cell_slopes, columns_of
+from vrchain.landmarks.raster import directions_of
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
@@ -81,10 +81,8 @@ def ranks(owner: NDArray[np.int64]) -> NDArray[np.int64]:
 def spots_of(proposals: Proposals, rig: CameraRig, descriptors: NDArray[np.int8]) -> Spots:
     """The spots of proposals; descriptors: (n, d) of those ``described``."""
     place = described(proposals)
-    row, column = np.divmod(proposals.cell[place], columns_of(rig) // CELL_PX)
-    return Spots(
-        proposals.owner[place], cell_bearings_rad(rig)[column], cell_slopes()[row], descriptors
-    )
+    bearing_rad, slope = directions_of(proposals.cell[place], rig)
+    return Spots(proposals.owner[place], bearing_rad, slope, descriptors)
 
 
 def descriptors_of(proposals: Proposals, local: NDArray[np.float32]) -> NDArray[np.int8]:
