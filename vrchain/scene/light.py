@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vrchain.scene.model import LightMap, SceneObject, Surface
-from vrchain.scene.occlusion import MARGIN_M, Obstacles, obstacles
+from vrchain.scene.occlusion import MARGIN_M, Obstacles, is_over, obstacles
 from vrchain.scene.spec import LightSpec
 
 _SUN_CELL_M, _SKY_CELL_M = 0.25, 0.5
@@ -235,9 +235,7 @@ def _cut(mesh: _Mesh, uncut: Sequence[bool], half: NDArray[np.float64]) -> _Mesh
         side = np.roll(points, -1, axis=1) - points
         length = np.linalg.norm(side, axis=2)
         area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2
-        low, high = points[..., :2].min(axis=1), points[..., :2].max(axis=1)
-        is_near = ((low <= half) & (high >= -half)).all(axis=1)
-        is_large = is_near & (length.max(axis=1) > _FINE_M) & (area > _FINE_M2)
+        is_large = is_over(points, half) & (length.max(axis=1) > _FINE_M) & (area > _FINE_M2)
         large = fresh[is_large]
         turn = (length[is_large].argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(faces[large], turn, axis=1).T

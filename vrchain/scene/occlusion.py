@@ -150,14 +150,19 @@ def obstacles(
     return Obstacles(-half, (h, w), cell_m, filled % (h * w), low, top[filled], per_m)
 
 
+def is_over(triangles: NDArray[np.floating], half: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which triangles (m, 3, 3) may lie over the ground within ``half`` (x, y) of the origin."""
+    low, high = triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1)
+    return np.asarray(((low <= half) & (high >= -half)).all(axis=1))
+
+
 def _near(
     triangles: NDArray[np.float32], kind: NDArray[np.int64], half: NDArray[np.float64]
 ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
     """Triangles (m, 3, 3), and the kinds of each, without what lies off the grid."""
     near = []
     while len(triangles):
-        low, high = triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1)
-        is_near = ((low <= half) & (high >= -half)).all(axis=1)
+        is_near = is_over(triangles, half)
         triangles, kind = triangles[is_near], kind[is_near]
         side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
         is_long = side.max(axis=1, initial=0) > _LONG_M

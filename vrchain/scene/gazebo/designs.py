@@ -98,7 +98,8 @@ class Designs:
 
     def _make(self, model: Model) -> Design | None:
         ground: list[_Ground] = []
-        shown = [self._draw(visual, ground) for visual in all_visuals(model, np.eye(4))]
+        visuals = list(all_visuals(model, np.eye(4)))
+        shown = [self._draw(visual, ground) for visual in visuals]
         pieces = [of_visual for of_visual in shown if of_visual]
         parts = [part for piece in pieces for part in piece]
         if not parts and not ground:
@@ -129,7 +130,7 @@ class Designs:
             self._name(model, surfaces, ground), surfaces, tuple(ground), size_m, kind,
             self._is_landmark(model, kind, size_m), kind != "ground",
             tuple(pieces) if len(pieces) > 1 else (),
-            all(is_wide(visual) for visual in all_visuals(model, np.eye(4))),
+            all(is_wide(visual) for visual in visuals),
         )  # fmt: skip
 
     def _is_landmark(self, model: Model, kind: str, size_m: tuple[float, float, float]) -> bool:

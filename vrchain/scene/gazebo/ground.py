@@ -10,11 +10,13 @@ from vrchain.scene.gazebo.xml import Element
 
 _WIDE_M = 40.0  # a narrower plane is a thing of its own
 
+_Plane = tuple[Matrix, float, Element]  # where it lies, its area in m2, its <visual>
+
 
 def visual_of(placed: Iterable[Placed]) -> Element | None:
     """The <visual> that shows the ground; None if there is none. The largest of the lowest."""
-    lowest: dict[int, tuple[Matrix, float, Element] | None] = {}  # of each model, in its frame
-    found: list[tuple[float, float, Element]] = []
+    lowest: dict[int, _Plane | None] = {}  # of each model, in its frame
+    found: list[_Plane] = []
     for thing in placed:
         if id(thing.model) not in lowest:
             lowest[id(thing.model)] = min(
@@ -25,8 +27,8 @@ def visual_of(placed: Iterable[Placed]) -> Element | None:
             matrix, area_m2, element = plane
             matrix = thing.matrix @ matrix
             if _is_level(matrix):
-                found.append((matrix[2, 3], -area_m2, element))
-    return min(found, key=lambda plane: plane[:2])[2] if found else None
+                found.append((matrix, area_m2, element))
+    return min(found, key=_lowest_first)[2] if found else None
 
 
 def is_wide(visual: Visual) -> bool:
@@ -55,8 +57,8 @@ def depth(matrix: Matrix) -> tuple[bool, float]:
     return not _is_level(matrix), level_m(matrix)
 
 
-def _level(visuals: Iterable[Visual]) -> Iterator[tuple[Matrix, float, Element]]:
-    """Matrix, area and element of those visuals that could be ground."""
+def _level(visuals: Iterable[Visual]) -> Iterator[_Plane]:
+    """Those visuals that could be ground."""
     for visual in visuals:
         if is_wide(visual) and visual.element.number("transparency", 0.0) < 0.5:
             turn, size_m = plane_of(next(visual.element.all("geometry")).children[0])
@@ -64,7 +66,7 @@ def _level(visuals: Iterable[Visual]) -> Iterator[tuple[Matrix, float, Element]]
                 yield visual.matrix @ turn, float(size_m.prod()), visual.element
 
 
-def _lowest_first(plane: tuple[Matrix, float, Element]) -> tuple[float, float]:
+def _lowest_first(plane: _Plane) -> tuple[float, float]:
     matrix, area_m2, _ = plane
     return float(matrix[2, 3]), -area_m2
 
