@@ -145,7 +145,7 @@ class Plain:
             height_m.append(slope * pose.distance_to_m(thing.xy_m))
         shown = Sought(embedding(name)[None], np.concatenate(spots), np.concatenate(height_m), ())
         goal = Goal(tuple(made))
-        return GoalPictures(shown, goal, CALIBRATION, 8.0)
+        return GoalPictures(shown, goal, CALIBRATION, (8.0,) * len(goal.templates))
 
 
 def spots_of(shown: Sequence[Thing], pose: Pose) -> Spots:

@@ -101,7 +101,9 @@ def test_what_stands_beside_a_pictures_subject_is_not_of_it() -> None:
     keypoints = Features(
         bearing, np.full(3, 0.05), np.full(3, 0.01), np.zeros((3, 128), dtype=np.uint8)
     )
-    kept = _of_subject(Template(keypoints, 0.5), picture)
+    kept, taken_m = _of_subject(Template(keypoints, 0.5), picture)
+    assert taken_m == pytest.approx(10.0, rel=0.1), "from where its subject stands"
     assert kept.features.bearing_rad.tolist() == [0.0] and kept.half_width_rad == 0.5
     unknown = replace(picture, proposals=nothing())
-    assert len(_of_subject(Template(keypoints, 0.5), unknown).features) == 3
+    of_all, usual_m = _of_subject(Template(keypoints, 0.5), unknown)
+    assert len(of_all.features) == 3 and 6.0 < usual_m < 15.0

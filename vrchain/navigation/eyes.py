@@ -166,7 +166,7 @@ def in_robots_frame(look: Look, seen: Observation) -> Look:
     return Look(look.rig, proposals, features, spots)
 
 
-def surface_m(look: Look, index: int) -> float:
+def surface_m(look: Look | LandmarkRecord, index: int) -> float:
     """How far a proposal's nearest side is: by where it stands on the ground, if that is seen."""
     p = look.proposals
     low, middle_m = float(p.box[index, 2]), float(p.range_m[index])

@@ -31,6 +31,9 @@ _AMONG = 3  # proposals looked at closely
 BY_CHANCE = 4  # keypoints that agree by chance
 _MANY, _LEAST_ODDS = 16, -3.0  # keypoints that agree beyond chance, which would not do either
 _SIZED_MATCHES = 8  # keypoints from which a size is told
+# A picture's distance is as its subject's side: in 128 pictures of suburbs of seed 1338 told with a
+# standard deviation of 16 %, where one distance for all is off by 28 %.
+_TAKEN_M = 6.0, 15.0
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 
@@ -76,13 +79,13 @@ class GoalPictures:
     """A goal as a robot knows it: what its pictures show, and the keypoints of each.
 
     keypoints: of what the pictures are framed on, without what stands before or beside it, which
-    may stand elsewhere too. taken_m: from how far, about, the pictures were taken.
+    may stand elsewhere too. taken_m: from how far, about, each picture was taken.
     """
 
     shown: Sought
     keypoints: Goal
     calibration: Calibration
-    taken_m: float = 9.0
+    taken_m: tuple[float, ...] = ()
 
     def find(
         self,
@@ -117,12 +120,14 @@ class GoalPictures:
                 default=(0, 0),
             )
             odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
-            scales = [s.scale for s in seen.values() if s.n_matches >= _SIZED_MATCHES]
-            side_m = self.taken_m / float(np.median(scales)) if scales else surface_m(look, i)
+            away_m = [
+                self.taken_m[k] / s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES
+            ]
+            side_m = float(np.median(away_m)) if away_m else surface_m(look, i)
             found.append(
                 GoalSight(
                     float(wrap_angle_rad(bearing)), float(p.range_m[i]), side_m, half_rad,
-                    matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(scales), n_shown,
+                    matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(away_m), n_shown,
                 )
             )  # fmt: skip
         return max(filter(fair, found), key=lambda s: s.chance, default=None)
@@ -153,17 +158,21 @@ class FoundOnce:
 def goal_from(pictures: Sequence[Panorama], weights: Path = SHIPPED) -> GoalPictures:
     """A goal by single views that are framed on it."""
     records, goal = [examine(picture, weights) for picture in pictures], goal_of(pictures)
-    own = tuple(_of_subject(*known) for known in zip(goal.templates, records, strict=True))
-    return GoalPictures(sought(records), Goal(own), load_calibration(weights))
+    own, taken_m = zip(*map(_of_subject, goal.templates, records), strict=True)
+    return GoalPictures(sought(records), Goal(own), load_calibration(weights), taken_m)
 
 
-def _of_subject(template: Template, picture: LandmarkRecord) -> Template:
-    """Of a picture's keypoints those on what it is framed on; all, if that cannot be told."""
+def _of_subject(template: Template, picture: LandmarkRecord) -> tuple[Template, float]:
+    """Of a picture's keypoints those on what it is framed on, and from how far it was taken.
+
+    All keypoints, and the middle of what is usual, if it cannot be told what it is framed on.
+    """
     framed = subject(picture)
     if framed is None:
-        return template
+        return template, float(np.mean(_TAKEN_M))
     own = owners(picture.rig, picture.proposals, template.features) == framed
-    return replace(template, features=template.features.take(own))
+    taken_m = float(np.clip(surface_m(picture, framed), *_TAKEN_M))
+    return replace(template, features=template.features.take(own)), taken_m
 
 
 def _located(goal: Goal, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
