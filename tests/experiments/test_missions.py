@@ -52,18 +52,18 @@ def test_a_mission_is_as_it_should_be_and_the_same_twice(ground: Ground) -> None
 
 @pytest.mark.usefixtures("short_ways")
 def test_a_place_is_out_of_sight_of_all_that_the_start_sees(ground: Ground) -> None:
-    drawn = ground.draw(5, 0, 1, 4, to_places=True)
-    assert drawn == ground.draw(5, 0, 1, 4, to_places=True)
+    drawn = ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
+    assert drawn == ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
     assert drawn.goal == missions.PLACE and len(drawn.goal_poses) == 1
     start, (place,) = drawn.poses["R1"], drawn.goal_poses
     assert not co_visible(ground.truth, start, place, RIG)
     assert hamlet().is_free([place.xy_m]).all()
     assert start.distance_to_m(place.xy_m) <= drawn.way_m + 1.0 <= 61.0
-    if drawn.chain is not None:
-        last = drawn.poses[drawn.chain.robots[-1]]
-        names = {hamlet().objects[i].name for i in co_visible(ground.truth, last, place, RIG)}
-        assert drawn.chain.landmarks[-1] in names
-        assert len(drawn.chain.robots) == len(drawn.chain.landmarks) and "R1" in drawn.chain.robots
+    assert drawn.chain is not None
+    last = drawn.poses[drawn.chain.robots[-1]]
+    names = {hamlet().objects[i].name for i in co_visible(ground.truth, last, place, RIG)}
+    assert drawn.chain.landmarks[-1] in names
+    assert len(drawn.chain.robots) == len(drawn.chain.landmarks) and "R1" in drawn.chain.robots
     assert Mission.from_dict(json.loads(json.dumps(drawn.as_dict()))) == drawn
 
 

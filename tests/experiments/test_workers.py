@@ -4,6 +4,7 @@ import os
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from functools import partial
 from pathlib import Path
@@ -24,6 +25,11 @@ def fail(folder: Path, number: int) -> None:
         raise MissionError("the second cannot be done")
     write(folder, number)
     time.sleep(0 if number == 0 else 100)
+
+
+def leave(folder: Path, number: int) -> None:
+    (folder / str(number)).write_text(tempfile.mkdtemp())
+    fail(folder / "done", number)
 
 
 @pytest.mark.parametrize("jobs", [1, 2])
@@ -47,6 +53,14 @@ def test_a_failure_is_told_and_ends_all(jobs: int, tmp_path: Path) -> None:
         each(partial(fail, tmp_path), range(6), jobs, "numbers")
     assert time.monotonic() - begun_s < 90  # nobody sleeps on
     assert len(list(tmp_path.iterdir())) < 5
+
+
+def test_nothing_temporary_is_left_of_what_was_broken_off(tmp_path: Path) -> None:
+    (tmp_path / "done").mkdir()
+    with pytest.raises(MissionError):
+        each(partial(leave, tmp_path), range(6), 2, "numbers")
+    left = [Path(file.read_text()) for file in tmp_path.glob("[0-9]")]
+    assert len(left) >= 2 and not any(folder.exists() for folder in left)
 
 
 def test_ctrl_c_ends_all(tmp_path: Path) -> None:

@@ -33,4 +33,5 @@ def test_where_nothing_is_in_common_nothing_is_said() -> None:
     eyes = misled(EYES, 1.0, seed=7)
     assert eyes.compare(0, True) is PAIRS[0]
     assert eyes.compare(1, False) is NOTHING
+    assert eyes.compare(2, True) is PAIRS[0], "never its own"
     assert misled(replace(EYES), 0.0, seed=7).compare(5, True) is PAIRS[5]

@@ -1,5 +1,6 @@
 """When a robot may claim that it has arrived."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
@@ -98,6 +99,14 @@ def test_fewer_keypoints_are_not_enough_in_a_sight_unlike_most() -> None:
     assert not is_sure(sight)
     assert is_sure(sight, sight, unsure=2) and not is_sure(sight, sight, unsure=3)
     assert is_sure((0, 54, 12, 2.8), unsure=3)  # so many are no house's of its make
+
+
+def test_two_looks_from_one_place_are_one_sight() -> None:
+    ours, sight = arrival(), GoalSight(0.0, 12.0, 12.0, 0.2, 18, 3.4, 0.9)
+    once = ours._with_sight(Suspect(Place(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)
+    again = ours._with_sight(once, replace(sight, chance=0.95))
+    assert len(again.sights) == 1 and again.chance == 0.95
+    assert again.place.std_m == once.place.std_m < 3.0
 
 
 def test_a_plain_goal_needs_fewer_keypoints() -> None:

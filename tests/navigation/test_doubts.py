@@ -9,7 +9,8 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.common import Comparison
 from vrchain.navigation.doubts import Driven
 from vrchain.navigation.driving import Pilot
-from vrchain.navigation.mission import Onward, _Mission
+from vrchain.navigation.mission import _Mission
+from vrchain.navigation.route import Plan
 from vrchain.navigation.terms import Decision, MissionConfig
 
 PATIENT = MissionConfig(explores=False)
@@ -58,7 +59,7 @@ def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
     assert found.route is not None
     driven = Driven(found.route, found, pilot.here)
     stood = [
-        (digest, Pose(pilot.here.x_m + off_m, pilot.here.y_m))
+        (digest, Pose(pilot.here.x_m + off_m, pilot.here.y_m), 1)
         for digest, off_m in zip((b"R2", b"R3"), away_m, strict=True)
     ]
     monkeypatch.setattr(Driven, "expected", lambda self: stood)
@@ -66,6 +67,28 @@ def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
     assert ours.doubts.is_elsewhere(look, pilot.here, driven) == elsewhere
     assert [d.what for d in told] == (["elsewhere", "doubt"] if elsewhere else [])
     assert len(ours.doubts.refuted) == elsewhere
+
+
+def test_only_what_led_there_can_have_led_there_wrongly(monkeypatch: pytest.MonkeyPatch) -> None:
+    """R2 and R3 should have stood near here; the join of R3 is less sure, but comes later."""
+    trusts = {"now": 0.9}
+    index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
+    eyes = replace(EYES, trust=lambda a, b, found: trusts["now"])
+    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
+    look = pilot.look_around()
+    found = ours.plan(look)
+    assert found.route is not None
+    leg = found.route.legs[0]
+    chain = [("R1", "R2", 0.85), ("R2", "R3", 0.9), ("R3", "R2", 0.6)]
+    legs = [replace(leg, seen_by=a, next_by=b, trust=trust) for a, b, trust in chain]
+    driven = Driven(replace(found.route, legs=tuple(legs), seen_by="R2"), found, pilot.here)
+    near = [(b"R2", pilot.here, 1), (b"R3", pilot.here, 2)]
+    monkeypatch.setattr(Driven, "expected", lambda self: near)
+    trusts["now"] = 0.0
+    assert ours.doubts.is_elsewhere(look, pilot.here, driven)
+    assert ours.decisions[-1].why == "R1 and R2 were not joined rightly"
 
 
 def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
@@ -113,4 +136,4 @@ def test_on_the_way_a_route_by_other_panoramas_has_to_be_better(
         again = replace(again, route=longer, published={**found.published, **more})
     monkeypatch.setattr(ours, "plan", lambda look: again)
     monkeypatch.setattr(ours.doubts, "is_elsewhere", lambda *asked: False)
-    assert isinstance(ours.regard(look, route), Onward) == taken
+    assert isinstance(ours.regard(look, route), Plan) == taken

@@ -26,7 +26,7 @@ def test_it_goes_where_it_has_not_looked() -> None:
     looked = np.array(pilot.looked)
     assert told and set(told) == {"explore"}
     steps_m = np.hypot(*np.diff(looked, axis=0).T)
-    assert steps_m.max() <= config.look_every_m + 1.5
+    assert steps_m.max() <= config.search_every_m + 1.5
     apart_m = np.hypot(*(looked[:, None] - looked[:-3]).transpose(2, 0, 1))
     late = [apart_m[k, : k - 3].min() for k in range(4, len(looked))]
     assert min(late) > 15.0  # it does not come back to where it was

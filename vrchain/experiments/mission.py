@@ -100,6 +100,7 @@ def run(
     else:
         task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
     simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
+    simulator.truth, simulator.renderer = truth, renderer
     pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
     members = {name: simulated_key(seed, name).public for name in task.starts}
     with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:

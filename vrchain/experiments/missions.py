@@ -14,7 +14,7 @@ its own panorama ends the chain, as another robot's would.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from typing import NamedTuple
 
@@ -44,7 +44,7 @@ _DRAWS = 2000
 
 @dataclass(frozen=True)
 class TrueChain:
-    """robots: the driving one first; landmarks: one between each two of them, and one to the goal.
+    """robots: the driving one first; landmarks: one between each two of them, one more to a place.
 
     way_m: the shortest free way through the landmarks' approach zones to the goal.
     """
@@ -100,7 +100,7 @@ class Ground:
     def __init__(self, scene: Scene, truth: GroundTruth, rig: CameraRig | None = None) -> None:
         self.scene, self.truth, self.rig = scene, truth, rig or CameraRig()
         self.free = FreeSpace(scene)
-        self._pictured: dict[int, list[Pose]] = {}
+        self._pictured: dict[tuple[int, int], list[Pose]] = {}
         self._zones: dict[tuple[int, int], NDArray[np.int64]] = {}
         self._from_near: dict[tuple[int, int], frozenset[int]] = {}
 
@@ -125,7 +125,7 @@ class Ground:
         for _ in range(_DRAWS):
             found = self._draw(draws, names, goals, seed, number, least)
             if isinstance(found, Mission):
-                return Mission(**{**found.__dict__, "rejected": rejected})
+                return replace(found, rejected=rejected)
             rejected[found] = rejected.get(found, 0) + 1
         raise MissionError(
             f"found no mission in {self.scene.name} with {n_robots} robots in {_DRAWS} draws "
@@ -171,14 +171,12 @@ class Ground:
             return f"no chain of {least} or more"
         if target is None:
             return Mission(number, PLACE, (poses[-1],), team, way_m, chain)
-        if target not in self._pictured:
-            self._pictured[target] = goal_poses(self.scene, self.truth, target, seed)
-        if len(self._pictured[target]) < GOAL_PICTURES:
+        if (target, seed) not in self._pictured:
+            self._pictured[target, seed] = goal_poses(self.scene, self.truth, target, seed)
+        pictured = tuple(self._pictured[target, seed])
+        if len(pictured) < GOAL_PICTURES:
             return "goal cannot be pictured"
-        return Mission(
-            number, self.scene.objects[target].name, tuple(self._pictured[target]), team, way_m,
-            chain,
-        )  # fmt: skip
+        return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
 
     def chain(
         self,

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
-from itertools import product
+from itertools import pairwise, product
 from pathlib import Path
 from time import perf_counter
 
@@ -98,7 +98,6 @@ class Suburb:
                 eyes = oracle.eyes(lambda: simulator.pose(robot), lambda b: taken[digest(b)])
             else:
                 eyes = learned_eyes(weights)
-            eyes = misled(eyes, wrong_edges, number)
             goal: KnownGoal
             if mission.goal == PLACE:
                 (place,) = mission.goal_poses
@@ -108,6 +107,7 @@ class Suburb:
                 goal = oracle.place(look, eyes) if oracle else GoalPlace(look, eyes)
             else:
                 goal = oracle.goal(mission.goal) if oracle else self._goal(mission, weights)
+            eyes = misled(eyes, wrong_edges, number)  # among panoramas: the goal is as it was shown
             robots = assemble(
                 simulator, ledger, number, examine=oracle.record if oracle else eyes.record
             )
@@ -174,7 +174,10 @@ class Suburb:
             "chain_way_m": chain.way_m if chain else None,
             "collisions": simulator.collisions(robot),
             "replans": max(0, len(result.plans) - 1),
-            "legs": sum(d.what == "reached" for d in result.decisions),
+            "legs": sum(
+                now.what == "reached" and before.what != "lookout"
+                for before, now in pairwise(result.decisions)
+            ),
             "seconds_simulated": seconds,
             "log": [asdict(d) for d in result.decisions],
         }
@@ -213,7 +216,7 @@ def evaluate(
         raise MissionError(f"expected seconds of patrol, 0 or more, got {patrol_s}")
     if landmarks < 0:
         raise MissionError(f"expected chains of 0 landmarks or more, got {landmarks}")
-    if n_missions < 1 or unknown:
+    if n_missions < 1 or unknown or not arms:
         raise MissionError(
             f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
             f"{', '.join(arms)}"

@@ -17,9 +17,10 @@ _TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are 
 
 
 def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
-    """Of each route that was driven the trust in it, and whether the mission ended at its end.
+    """Of each route that was driven the trust in it, and whether the mission ended with it.
 
-    Routes that replaced it on the way are not counted by themselves.
+    At its end, or where the goal came into view on the way. Routes that replaced it on the way are
+    not counted by themselves.
     """
     found: list[tuple[float, bool]] = []
     trust, driven = None, False

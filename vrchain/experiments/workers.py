@@ -2,6 +2,7 @@
 
 import os
 import signal
+import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import active_children, get_context
@@ -26,7 +27,12 @@ def each(work: Callable[[int], None], numbers: Sequence[int], jobs: int | None, 
         return
     # a new process each: what draws and learns must not be forked
     context = get_context("spawn")
-    with ProcessPoolExecutor(jobs, mp_context=context, initializer=_alone_on_a_core) as pool:
+    with (
+        tempfile.TemporaryDirectory() as scratch,
+        ProcessPoolExecutor(
+            jobs, mp_context=context, initializer=_alone_on_a_core, initargs=(scratch,)
+        ) as pool,
+    ):
         try:
             begun = [pool.submit(work, number) for number in numbers]
             for done in tqdm(
@@ -39,8 +45,12 @@ def each(work: Callable[[int], None], numbers: Sequence[int], jobs: int | None, 
             raise
 
 
-def _alone_on_a_core() -> None:
-    """One thread, before libraries start theirs; the first process alone hears Ctrl-C."""
+def _alone_on_a_core(scratch: str) -> None:
+    """One thread, before libraries start theirs; the first process alone hears Ctrl-C.
+
+    scratch: where temporary files go, which are left behind where a process is ended.
+    """
+    tempfile.tempdir = scratch
     keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for threads in ("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):

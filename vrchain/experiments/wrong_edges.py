@@ -21,8 +21,9 @@ def misled(eyes: Eyes, share: float, seed: int) -> Eyes:
         found = eyes.compare(a, b)
         if not found.common:
             return found
+        wrong = before and draws.uniform() < share
+        said = before[int(draws.integers(len(before)))] if wrong else found
         before.append(found)
-        wrong = draws.uniform() < share
-        return before[int(draws.integers(len(before)))] if wrong else found
+        return said
 
     return replace(eyes, compare=compare)

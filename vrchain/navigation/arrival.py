@@ -27,6 +27,7 @@ _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within
 _AHEAD_RAD = 0.15
 _SHAPE_M = 5.0  # sights from nearer show no shape
 _AGREE = 2  # sights from farther, at least, that a plain goal is known by
+_ANEW_M = 0.5  # from each other, and it is another sight
 _RICH = 300  # keypoints on a goal in a picture, from which it is no plain thing
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
@@ -197,6 +198,9 @@ class Arrival:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
 
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
+        """One more sight of it; a second one from one place tells nothing new."""
+        if any(stood.distance_to_m(self.pilot.here.xy_m) < _ANEW_M for stood, _ in suspect.sights):
+            return replace(suspect, chance=max(suspect.chance, sight.chance))
         return replace(
             suspect,
             place=suspect.place.with_sight(self._place_of(sight)),
@@ -207,15 +211,15 @@ class Arrival:
     def _close_in(self, suspect: Suspect) -> Suspect:
         """Drive up to its side, with a glance every few metres, unless it turns out to be none."""
         pilot, config = self.pilot, self.pilot.config
-        glanced, looked = config.glance_every_m, 0.0
+        glanced_m, looked_m = config.glance_every_m, 0.0
         until_ns = pilot.until_ns(suspect.place)
         while pilot.now.time_ns < until_ns and not self._is_at(suspect.place):
             if suspect.place.range_m(pilot.here) <= config.sees_m:
-                if glanced >= config.glance_every_m:
-                    glanced = 0.0
+                if glanced_m >= config.glance_every_m:
+                    glanced_m = 0.0
                     suspect = self._regarded(suspect)
-            elif looked >= config.look_every_m:
-                looked = 0.0
+            elif looked_m >= config.look_every_m:
+                looked_m = 0.0
                 sight = self.goal.find(pilot.look_around(), fair=self._is_fair)
                 if sight is not None and sight.chance >= config.least_chance:
                     place = self._place_of(sight)
@@ -229,7 +233,7 @@ class Arrival:
             way_m = pilot.stretch(suspect.place.xy_m, 1.0, 0.5)
             if way_m is None:
                 break
-            glanced, looked = glanced + way_m, looked + way_m
+            glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
             suspect = replace(suspect, place=suspect.place.after(way_m))
         return replace(suspect, place=self._felt(suspect.place))
 
@@ -300,9 +304,7 @@ class Arrival:
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < pilot.ways.reach_m:
             return place  # what is before it is to be driven around
-        course = pilot.here.yaw_rad + bearing
-        there = pilot.here.xy_m + ahead_m * np.array([np.cos(course), np.sin(course)])
-        return Place(there, place.covariance)
+        return Place(sighted(pilot.here, bearing, ahead_m).xy_m, place.covariance)
 
     def _seen_around(self, suspect: Suspect) -> Suspect:
         """What a look all around tells of it."""

@@ -9,7 +9,7 @@ from vrchain.landmarks.index import LandmarkIndex
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.pairing import bridges, partners
 from vrchain.navigation.stands import ORIGIN, Join, Joins, Pair, stand_of
-from vrchain.navigation.terms import Published
+from vrchain.navigation.terms import Published, age_of, robot_of
 from vrchain.navigation.trails import linked, trails
 
 _BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
@@ -31,7 +31,8 @@ class Compared:
         trust: Callable[[Look, Look, Comparison], float],
         stood: Sequence[Pose],
     ) -> None:
-        self.names = (*own, *sorted(known, key=lambda name: (known[name].time_ns, name)))
+        times = {n: (p.time_ns, robot_of(n), -age_of(n)) for n, p in known.items()}
+        self.names = (*own, *sorted(known, key=times.__getitem__))
         self.looks = {**own, **{name: index.look(p.digest) for name, p in known.items()}}
         self.found: dict[Pair, Comparison] = {}
         self._own, self._known, self._index, self._trust = own, known, index, trust
@@ -75,7 +76,7 @@ class Compared:
 
     def bridge(self, seers: Set[str]) -> bool:
         """Compare what may join those that see the goal to the robot's own; False: nothing may."""
-        if not seers:
+        if not seers or self._bridged >= _BRIDGES:
             return False
         joins = self.joins()
         rights = {pair: joins.trust(pair) for pair in self._joins}
@@ -98,8 +99,10 @@ class Compared:
     def check(self, pairs: Iterable[Pair]) -> bool:
         """Compare what tells more of joins that are unsure; False if there is nothing to ask."""
         joins = self.joins()
-        own = [self.in_order(a, b) for a, b in pairs]
-        unsure = [p for p in own if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]]
+        asked_for = [self.in_order(a, b) for a, b in pairs]
+        unsure = [
+            p for p in asked_for if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]
+        ]
         asked = {self.in_order(*other) for pair in unsure for other in joins.unasked(pair)}
         asked -= set(combinations(self._own, 2))  # odometry tells
         for pair in sorted(asked):

@@ -28,12 +28,15 @@ class Driven:
     plan: Plan
     begin: Pose
 
-    def expected(self) -> list[tuple[bytes, Pose]]:
-        """Where others' panoramas should have been taken, as far as something tells, by digests."""
+    def expected(self) -> list[tuple[bytes, Pose, int]]:
+        """Where others' panoramas should have been taken, as far as something tells.
+
+        Of each its digest, the pose, and how many legs lead there.
+        """
         stands = stands_of(self.route, self.plan.joins, self.begin)
         return [
-            (self.plan.published[name].digest, stand)
-            for name, stand in zip(self.route.robots, stands, strict=True)
+            (self.plan.published[name].digest, stand, n_legs)
+            for n_legs, (name, stand) in enumerate(zip(self.route.robots, stands, strict=True))
             if stand is not None and name in self.plan.published
         ]
 
@@ -79,15 +82,19 @@ class Doubts:
 
         Panoramas so near to each other are as good as always joined.
         """
-        near = sorted((here.distance_to_m(pose.xy_m), digest) for digest, pose in driven.expected())
-        asked = [digest for range_m, digest in near[:_ASKED] if range_m < _KNOWN_M]
-        if len(asked) < _ASKED:
+        asked = sorted(
+            (here.distance_to_m(pose.xy_m), digest, n_legs)
+            for digest, pose, n_legs in driven.expected()
+        )[:_ASKED]
+        if len(asked) < _ASKED or asked[-1][0] >= _KNOWN_M:
             return False
-        for digest in asked:
+        for _, digest, _ in asked:
             found = self._index.compare_with(look, digest)
             if found.common and self.trust(look, self._index.look(digest), found) >= _NOTHING:
                 return False
-        joined = [leg for leg in driven.route.legs if not leg.by_odometry]
+        # One of them is expected here by the legs that lead to it alone.
+        led = driven.route.legs[: min(n_legs for *_, n_legs in asked)]
+        joined = [leg for leg in led if not leg.by_odometry]
         self._log("elsewhere", "nothing here is as others should have seen it")
         self._refute(min(joined, key=lambda leg: leg.trust), driven.plan)
         return True

@@ -26,7 +26,7 @@ class Pilot:
 
     now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
     looked: where they were taken; standing: where what was proposed in them stands, about, (n, 2)
-    each. Places are in the odometry's frame.
+    each; latest: the last look around, and from where. Places are in the odometry's frame.
     """
 
     def __init__(self, body: Body, eyes: Eyes, config: MissionConfig) -> None:
@@ -35,6 +35,7 @@ class Pilot:
         self.looks: list[Panorama] = []
         self.looked: list[Array] = []
         self.standing: list[Array] = []
+        self.latest: tuple[Pose, Look] | None = None
         self.now: Observation = body.observe()
         self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
 
@@ -51,6 +52,7 @@ class Pilot:
         self.looked.append(self.here.xy_m)
         look = self.eyes.examine(self.now)
         self.standing.append(self._standing(look))
+        self.latest = self.here, look
         return look
 
     def _standing(self, look: Look) -> Array:

@@ -89,15 +89,6 @@ def run_mission(
     )
 
 
-@dataclass(frozen=True, eq=False)
-class Onward:
-    """A better route, from where the robot is now."""
-
-    route: Route
-    plan: Plan
-    look: Look
-
-
 def _left_of(route: Route, passed: int) -> Route:
     """A route of which so many legs are behind the robot, to be compared with others from here."""
     behind = np.prod([leg.chance for leg in route.legs[:passed]])
@@ -167,7 +158,7 @@ class _Mission:
             least = least if suspect is None else suspect.chance
             if found.route is not None and found.route.trust >= least:
                 before = self.pilot.here
-                if self.follow(found.route, found, look):
+                if self.follow(found):
                     return
                 if before.distance_to_m(self.pilot.here.xy_m) > _MOVED_M:
                     fruitless = 0
@@ -187,9 +178,8 @@ class _Mission:
 
     def look(self) -> Look:
         """All around; the last look if the robot stands as it did: what was refuted of it holds."""
-        if self.own and self.own[0][0] == self.pilot.here:
-            return self.own[0][1]
-        return self.pilot.look_around()
+        stood, look = self.pilot.latest or (None, None)
+        return look if look is not None and stood == self.pilot.here else self.pilot.look_around()
 
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""
@@ -224,9 +214,10 @@ class _Mission:
         age_s = max(0, self.pilot.now.time_ns - seen.time_ns) / 1e9
         return float(np.exp(-age_s / self.config.lasting_s))
 
-    def follow(self, route: Route, found: Plan, look: Look) -> bool:
-        """Drive a route leg by leg, and home to the goal; True if it is reached."""
-        pilot, number = self.pilot, len(self.pilot.looks) - 1
+    def follow(self, found: Plan) -> bool:
+        """Drive a plan's route leg by leg, and home to the goal; True if it is reached."""
+        pilot, number, route = self.pilot, len(self.pilot.looks) - 1, found.route
+        assert route is not None, "there is none to follow"
         for name, sight in sorted(found.goal_seen_by.items()):
             self.log(
                 "ledger", f"{name} sees the goal", number, robot=name, matches=sight.n_matches,
@@ -256,7 +247,7 @@ class _Mission:
         drove, passed = False, 0
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
-            same = drove and leg.node == route.legs[k - 2].node
+            same = drove and leg.node == route.legs[passed - 1].node
             if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
             left = _left_of(route, passed)
@@ -266,8 +257,8 @@ class _Mission:
                     return self.arrival.drive_to(seen)
                 if isinstance(seen, str):
                     return False
-                if seen is not None:
-                    return self.follow(seen.route, seen.plan, seen.look)
+                if isinstance(seen, Plan):
+                    return self.follow(seen)
             self.log(
                 "approach", tracker.name, len(pilot.looks) - 1,
                 bearing_deg=round(float(np.degrees(tracker.place.bearing_rad(pilot.here))), 1),
@@ -276,8 +267,8 @@ class _Mission:
             drove, ended = True, self.approach(tracker, left)
             if isinstance(ended, Suspect):
                 return self.arrival.drive_to(ended)
-            if isinstance(ended, Onward):
-                return self.follow(ended.route, ended.plan, ended.look)
+            if isinstance(ended, Plan):
+                return self.follow(ended)
             if ended != "near":
                 if ended != _ELSEWHERE:
                     self.failed.add(leg.key)
@@ -298,12 +289,12 @@ class _Mission:
         if len(self.doubts.refuted) > refuted:
             return False
         if not shown:
-            self.failed.update(leg.key for leg in route.legs[-1:])
+            self.failed.add(route.legs[-1].key)
             return False
         self.doubts.found_nothing(goal, driven)
         return False
 
-    def regard(self, look: Look, route: Route) -> "Suspect | Onward | str | None":
+    def regard(self, look: Look, route: Route) -> "Suspect | Plan | str | None":
         """What a look on the way tells: what may be the goal, a better route, or a wrong one."""
         suspect = self.arrival.note(look)
         if suspect is not None and suspect.chance >= self.config.likely:
@@ -319,7 +310,7 @@ class _Mission:
             return None
         if again.route.trust < min(route.trust, self.config.least_trust):
             return None
-        return Onward(again.route, again, look)
+        return again
 
     def home(self, place: Place, route: Route) -> bool:
         """From the last landmark to where the goal should be."""
@@ -339,14 +330,14 @@ class _Mission:
             seen = self.arrival.note(self.pilot.look_around()) or seen
         return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
 
-    def approach(self, tracker: Tracker, route: Route) -> "str | Suspect | Onward":
+    def approach(self, tracker: Tracker, route: Route) -> "str | Suspect | Plan":
         """Drive to a landmark or place: how that ended, or what came into view.
 
         "near", "lost", "blocked", or "elsewhere" if the route is wrong.
         """
         config, pilot, name = self.config, self.pilot, tracker.name
         until_ns = pilot.until_ns(tracker.place)
-        glanced, looked, stretch = 0.0, 0.0, 0.5
+        glanced_m = looked_m = 0.0
         large_m = _LARGE_M if len(tracker.embedding) else 0.0  # a mere place has no side
         while pilot.now.time_ns < until_ns:
             place = tracker.place
@@ -360,24 +351,24 @@ class _Mission:
             if tracker.missed >= _LOST_AFTER and tracker.seen == 0 and range_m < _LOST_M:
                 self.log("lost", f"{name} is not where it should be")
                 return "lost"
-            way_m = pilot.stretch(place.xy_m, config.approach_m - 0.5, stretch)
+            way_m = pilot.stretch(place.xy_m, config.approach_m - 0.5, 0.5)
             if way_m is None:
-                if range_m < config.approach_m + _LARGE_M:
+                if range_m < config.approach_m + _LARGE_M:  # from a place so near, on to the next
                     self.log("reached", f"{name} is as near as it gets", seen=tracker.seen)
                     return "near"
                 self.log("blocked", f"no way leads to {name}")
                 return "blocked"
             tracker.moved(way_m)
-            glanced, looked = glanced + way_m, looked + way_m
-            if looked >= config.look_every_m:
-                glanced = looked = 0.0
+            glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
+            if looked_m >= config.look_every_m:
+                glanced_m = looked_m = 0.0
                 look = pilot.look_around()
                 seen = self.regard(look, route)
                 if seen is not None:
                     return seen
                 tracker.update(look, pilot.here)
-            elif glanced >= config.glance_every_m:
-                glanced = 0.0
+            elif glanced_m >= config.glance_every_m:
+                glanced_m = 0.0
                 look = pilot.glance(tracker.place.bearing_rad(pilot.here))
                 tracker.update(look, pilot.here)
         self.log("astray", f"{name} is not reached in reasonable time")

@@ -15,6 +15,7 @@ from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalSight, any_sight
 from vrchain.navigation.places import Place, sighted
+from vrchain.navigation.stands import baseline_m
 from vrchain.navigation.terms import Log
 
 _HOMES_M = 8.0  # from so near, homing is believed
@@ -43,10 +44,9 @@ class GoalPlace:
         if look.record is None and self.look.record is not None:
             return None
         found = self.eyes.compare(look, self.look)
-        geometry = found.geometry
-        if geometry is None or not found.common or not np.isfinite(geometry.baseline_heights):
+        geometry, range_m = found.geometry, baseline_m(found, look.rig)
+        if geometry is None or range_m is None or not found.common:
             return None
-        range_m = geometry.baseline_heights * look.rig.camera_height_m
         chance = self.eyes.trust(look, self.look, found)
         sight = GoalSight(
             geometry.direction_rad, range_m, range_m, 0.0, len(found.common), 0.0, chance

@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 _BEARING_STD_RAD = 0.04  # of a sight, the robot's own heading and the thing's extent included
 _RANGE_STD = 0.25  # of the range that the network tells, as a share
-_DRIFT_M = 0.03  # square metres of doubt, a metre driven: 1 m after 30 m
+_DRIFT_M2_PER_M = 0.03  # square metres of doubt, a metre driven: 1 m after 30 m
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Place:
 
     def after(self, way_m: float) -> "Place":
         """What is left of the belief after driving so far."""
-        return self.unsure(float(np.sqrt(_DRIFT_M * way_m)))
+        return self.unsure(float(np.sqrt(_DRIFT_M2_PER_M * way_m)))
 
     def unsure(self, std_m: float) -> "Place":
         """The belief, so much less sure in every direction."""
@@ -58,11 +58,11 @@ class Place:
         return float(np.sqrt(off @ np.linalg.solve(self.covariance + sight.covariance, off)))
 
 
-def sighted(here: Pose, bearing_rad: float, range_m: float, range_std: float = 0.0) -> Place:
-    """Where a thing is by one sight of it. range_std: as a share of the range."""
+def sighted(here: Pose, bearing_rad: float, range_m: float) -> Place:
+    """Where a thing is by one sight of it."""
     course = here.yaw_rad + bearing_rad
     along = np.array([np.cos(course), np.sin(course)])
     across = np.array([-along[1], along[0]])
-    stds = max(_RANGE_STD, range_std) * range_m + 0.3, _BEARING_STD_RAD * range_m + 0.2
+    stds = _RANGE_STD * range_m + 0.3, _BEARING_STD_RAD * range_m + 0.2
     covariance = stds[0] ** 2 * np.outer(along, along) + stds[1] ** 2 * np.outer(across, across)
     return Place(here.xy_m + range_m * along, covariance)

@@ -75,7 +75,7 @@ class Route:
     @property
     def robots(self) -> tuple[str, ...]:
         """The robots of the chain, the driving one first."""
-        return (*tuple(leg.seen_by for leg in self.legs), self.seen_by)
+        return (*(leg.seen_by for leg in self.legs), self.seen_by)
 
 
 @dataclass(frozen=True, eq=False)

@@ -63,7 +63,7 @@ def mission_figure(run: MissionRun) -> Figure:
 
 
 def draw_mission_map(axes: Axes, run: MissionRun) -> None:
-    """Places of the team, the goal, the chain of robots, and the path of the driving robot."""
+    """Places of the team, the goal, and the robots' paths."""
     draw_scene(axes, run.scene)
     goal = run.scene.objects[run.scene.index_of(run.task.goal)]
     x0, y0 = goal.bounds_m[0][:2]
@@ -106,15 +106,19 @@ def _chain_rows(run: MissionRun) -> list[tuple[str, Panorama, list[tuple[str, st
         for i, name in enumerate(route.robots):
             marks = []
             if i > 0:
-                marks.append((f"L{i}{i + 1}", CLAIM_COLOURS[i - 1], route.legs[i - 1].landmark.b))
+                marks.append((f"L{i}{i + 1}", _colour(i - 1), route.legs[i - 1].landmark.b))
             if i < len(route.legs):
-                marks.append((f"L{i + 1}{i + 2}", CLAIM_COLOURS[i], route.legs[i].landmark.a))
+                marks.append((f"L{i + 1}{i + 2}", _colour(i), route.legs[i].landmark.a))
             if name == route.seen_by:
                 marks.append(("goal", _GOAL_COLOUR, _goal_region(route)))
             rows.append((f"{name} sees", _seen(run, name, look), marks))
     if run.result.looks:
         rows.append((f"{run.robot}'s last look around", run.result.looks[-1], []))
     return rows
+
+
+def _colour(leg: int) -> str:
+    return CLAIM_COLOURS[leg % len(CLAIM_COLOURS)]
 
 
 def _seen(run: MissionRun, name: str, look: int) -> Panorama:
