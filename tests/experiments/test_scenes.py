@@ -20,6 +20,21 @@ def test_a_gazebo_world_stays_as_it_is() -> None:
     assert found.digest != suburbs(SceneSpec()).digest
 
 
+def test_a_world_is_told_apart_by_its_models(tmp_path: Path) -> None:
+    """What was measured in it before one of them changed is not read again."""
+    world = (
+        '<sdf version="1.6"><world name="w"><model name="m"><static>1</static><link name="l">'
+        '<visual name="v"><geometry><mesh><uri>wall.obj</uri></mesh></geometry></visual>'
+        "</link></model></world></sdf>"
+    )
+    (tmp_path / "w.world").write_text(world)
+    digests = []
+    for height_m in (2, 2, 3):
+        (tmp_path / "wall.obj").write_text(f"v 0 0 0\nv 4 0 0\nv 0 0 {height_m}\nf 1 2 3\n")
+        digests.append(scenes_of(tmp_path / "w.world").digest)
+    assert digests[0] == digests[1] != digests[2]
+
+
 def test_digests_tell_specs_apart() -> None:
     assert suburbs(SceneSpec()).digest == suburbs(SceneSpec()).digest
     assert suburbs(SceneSpec()).digest != suburbs(SceneSpec(twins=0.7)).digest

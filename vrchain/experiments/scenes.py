@@ -7,6 +7,8 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
 
+import numpy as np
+
 from vrchain.scene import Scene, build_scene, load_scene, load_spec
 from vrchain.scene.gazebo import SUFFIXES
 from vrchain.scene.spec import SceneSpec
@@ -25,14 +27,15 @@ class Scenes:
 def scenes_of(path: str | Path) -> Scenes:
     """The scenes that a file stands for. Raises SpecError.
 
-    A spec is drawn with a seed of its own for every (seed, k); a Gazebo world stays as it is.
+    A spec is drawn with a seed of its own for every (seed, k); a Gazebo world stays as it is, and
+    is told from others by its models too, wherever those were found.
     """
     path = Path(path)
     if path.suffix.lower() not in SUFFIXES:
         return suburbs(load_spec(path))
-    digest = hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else ""
-
-    return Scenes(partial(_world, path, digest), digest, varied=False)
+    _loaded.cache_clear()
+    digest = _digest(path, _loaded(path))
+    return Scenes(partial(_world, path), digest, varied=False)
 
 
 def suburbs(spec: SceneSpec) -> Scenes:
@@ -45,13 +48,24 @@ def _suburb(spec: SceneSpec, seed: int, k: int) -> Scene:
     return build_scene(spec_of(spec, seed, k))
 
 
-def _world(path: Path, digest: str, seed: int, k: int) -> Scene:
-    return _loaded(path, digest)
+def _world(path: Path, seed: int, k: int) -> Scene:
+    return _loaded(path)
 
 
 @lru_cache(maxsize=1)
-def _loaded(path: Path, digest: str) -> Scene:
+def _loaded(path: Path) -> Scene:
     return load_scene(path)
+
+
+def _digest(path: Path, scene: Scene) -> str:
+    """Of a world's file and of the things in it: their light follows from those."""
+    content = hashlib.sha256(path.read_bytes())
+    for thing in scene.objects:
+        content.update(f"{thing.name} {thing.kind} {thing.model} {thing.landmark}".encode())
+        for s in thing.surfaces:
+            for array in (s.vertices_m, s.faces, s.uv, s.texture):
+                content.update(np.ascontiguousarray(array).tobytes())
+    return content.hexdigest()
 
 
 def spec_of(spec: SceneSpec, seed: int, k: int) -> SceneSpec:
