@@ -228,10 +228,10 @@ def homing_trials(
 @app.command()
 def navigation(
     spec: Spec = SUBURB,
-    missions: Annotated[int, typer.Option(help="Over ten suburbs; 100 to report.")] = 10,
+    missions: Annotated[int, typer.Option(help="By turns in ten suburbs; 100 to report.")] = 10,
     robots: Annotated[int, typer.Option(help="How many, the driving one among them.")] = 5,
     arms: Annotated[
-        list[str] | None, typer.Option(metavar="A", help="Give one for each; all if none.")
+        list[str] | None, typer.Option(metavar="A", help="ledger, alone, oracle; all if none.")
     ] = None,
     to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
     landmarks: Annotated[

@@ -24,7 +24,7 @@ _LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none
 
 
 def save_pictures(run: MissionRun, folder: Path) -> None:
-    """mission.png, goal_N.png (what the robot was given) and leg_N.png (each leg's landmark)."""
+    """mission.png, goal_N.png (what the robot was given) and plan_P_leg_L.png (its landmark)."""
     (folder / "mission.png").write_bytes(png_bytes(mission_figure(run)))
     for number, picture in enumerate(run.pictures, 1):
         (folder / f"goal_{number}.png").write_bytes(encode_png(picture.views[0]))

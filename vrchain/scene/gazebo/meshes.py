@@ -79,7 +79,7 @@ class Meshes:
             except Exception as error:  # the libraries raise almost anything on broken files
                 reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
                 raise SpecError(
-                    f"{file}: expected a {kind[1:].upper()} mesh, got {reason}"
+                    f"{file}: expected a mesh of kind {kind[1:].upper()}, got {reason}"
                 ) from None
             _check(parts, file)
             cleaned = [_cleaned(part) for part in parts if len(part.faces)]
