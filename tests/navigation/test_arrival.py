@@ -176,13 +176,13 @@ def test_a_bush_before_a_wide_goal_is_gone_round(
     assert pilot.driven_to == pytest.approx(driven_to)
 
 
-@pytest.mark.parametrize("taken_m", [7.0, 10.0, 14.0])
+@pytest.mark.parametrize("off_by", [0.9, 1.0, 1.15])
 @pytest.mark.parametrize("range_m", [2.0, 6.0])
-def test_how_far_it_is_is_told_by_how_it_grew(taken_m: float, range_m: float) -> None:
-    """Its pictures, said to be taken 10 m away, were not: by size alone it is here, or is not."""
+def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: float) -> None:
+    """From how far its pictures were taken is known about."""
     goal_x_m, sights = 30.0, []
     for x_m in np.arange(0.0, 29.0 - range_m, 2.5):
-        looks_m = (goal_x_m - x_m) * 10.0 / taken_m
+        looks_m = float(goal_x_m - x_m) * off_by
         sight = GoalSight(0.0, looks_m, looks_m, 0.2, 20, 3.0, 0.99, sized=True)
         sights.append((Pose(float(x_m), 0.0), sight))
     ours = arrival()
@@ -191,12 +191,12 @@ def test_how_far_it_is_is_told_by_how_it_grew(taken_m: float, range_m: float) ->
     if range_m < 4.0:
         assert there is None
     else:
-        assert there == pytest.approx([goal_x_m, 0.0])
+        assert there == pytest.approx([goal_x_m, 0.0], abs=2.0)
     assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
 
 
 def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
-    """From its other side it grew less than it does here: that tells nothing of this one."""
+    """From its other side it looked nearer than it was: that tells nothing of this one."""
     before = [(Pose(x_m, 0.0), 0.4 * (30.0 - x_m), 0.0) for x_m in range(0, 25, 4)]
     now = [(Pose(20.0, y_m), y_m + 1.0, -np.pi / 2) for y_m in (9.0, 6.0, 3.0)]
     sights = tuple(
