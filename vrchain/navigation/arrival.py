@@ -33,8 +33,8 @@ _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
 _STEPS_ROUND = 10  # round that
-# To where it looks to be, by so many of the latest sights. Where 15 missions in suburbs of seed 1338
-# arrived it looked to be 0.8 to 3.4 m away.
+# To where it looks to be, by so many of the latest sights. Where 15 missions arrived in suburbs of
+# seed 1338 it looked to be 0.8 to 3.4 m away.
 _LOOKS_FAR_M, _LATELY = 4.5, 3
 _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
