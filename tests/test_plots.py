@@ -27,6 +27,7 @@ from vrchain.plots.latency import (
 from vrchain.plots.ledger import ledger_figure, ledger_table
 from vrchain.plots.ledger_size import ledger_size_figure
 from vrchain.plots.maps import scene_map
+from vrchain.plots.mission import _mark
 from vrchain.plots.pictures import (
     claims_table,
     common_landmarks_figure,
@@ -102,6 +103,21 @@ def claim(bearing_rad: float, score: float) -> CommonLandmark:
 def panorama(seed: int = 0, rig: CameraRig = SMALL_RIG) -> Panorama:
     shape = (rig.n_views, rig.height_px, rig.width_px, 3)
     return Panorama(rig, np.random.default_rng(seed).integers(0, 256, shape, dtype=np.uint8))
+
+
+@pytest.mark.parametrize(
+    ("bearing_deg", "lefts"), [(0.0, [10.0]), (175.0, [-175.0, 185.0]), (-179.0, [-169.0, 191.0])]
+)
+def test_a_box_that_runs_on_behind_the_robot_is_drawn_at_both_ends(
+    bearing_deg: float, lefts: list[float]
+) -> None:
+    figure = Figure()
+    axes = figure.add_subplot(xlim=(180, -180), ylim=(-20, 20))
+    region = Region(0, (0.0, 0.0, 0.0, 0.0), np.radians(bearing_deg), np.radians(20.0))
+    _mark(axes, panorama(), region, "L12", "#ff0000")
+    drawn = [patch.get_x() + patch.get_width() for patch in axes.patches]
+    assert drawn == pytest.approx(lefts)
+    assert [text.get_position()[0] for text in axes.texts] == pytest.approx(np.minimum(lefts, 180))
 
 
 def test_update_times_are_drawn_for_each_robot_and_number_of_positions() -> None:

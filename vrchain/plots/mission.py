@@ -146,14 +146,17 @@ def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: st
         top, bottom = np.degrees(np.arctan(rig.slope_of_row(np.array([y0, y1]))))
     else:
         top, bottom = 12.0, -6.0
-    axes.add_patch(
-        Rectangle(
-            (centre - width / 2, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2
-        )
-    )
     edge = axes.get_ylim()[1]
-    axes.text(
-        centre + width / 2, min(top, edge), label, fontsize=8, clip_on=True,
-        va="top" if top > edge - _LABEL_DEG else "bottom",
-        bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
-    )  # fmt: skip
+    for left in (centre + width / 2 + turn for turn in (-360.0, 0.0, 360.0)):
+        if not -180.0 < left < 180.0 + width:  # the panorama begins again behind the robot
+            continue
+        axes.add_patch(
+            Rectangle(
+                (left - width, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2
+            )
+        )
+        axes.text(
+            min(left, 180.0), min(top, edge), label, fontsize=8, clip_on=True,
+            va="top" if top > edge - _LABEL_DEG else "bottom",
+            bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
+        )  # fmt: skip
