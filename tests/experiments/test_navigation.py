@@ -129,19 +129,23 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
 
 
 @pytest.mark.parametrize(
-    ("n", "n_robots", "arm", "refusal"),
+    ("asked", "refusal"),
     [
-        (0, 4, "oracle", "expected 1 mission or more"),
-        (1, 4, "magic", "and arms of ledger, alone, oracle, got 1 and magic"),
-        (1, 1, "oracle", "expected 2 to 20 robots, got 1"),
+        ({"n_missions": 0}, "expected 1 mission or more"),
+        ({"arms": ["magic"]}, "and arms of ledger, alone, oracle, got 1 and magic"),
+        ({"arms": []}, "and arms of ledger, alone, oracle, got 1 and "),
+        ({"n_robots": 1}, "expected 2 to 20 robots, got 1"),
+        ({"wrong_edges": 1.1}, "a share of wrong edges from 0 to 1, got 1.1"),
+        ({"barred": float("nan")}, "a share of barred legs from 0 to 1, got nan"),
+        ({"patrol_s": -1.0}, "seconds of patrol, 0 or more, got -1.0"),
+        ({"landmarks": -1}, "chains of 0 landmarks or more, got -1"),
     ],
 )
-def test_what_cannot_be_asked(
-    n: int, n_robots: int, arm: str, refusal: str, tmp_path: Path
-) -> None:
+def test_what_cannot_be_asked(asked: dict[str, Any], refusal: str, tmp_path: Path) -> None:
     def unbuilt(seed: int, k: int) -> Scene:
         raise AssertionError("refused before a scene is built")
 
     with pytest.raises(MissionError, match=refusal):
-        evaluate(Scenes(unbuilt, ""), n, n_robots, [arm], seed=3, folder=tmp_path)
+        usual = {"n_missions": 1, "n_robots": 4, "arms": ["oracle"], "seed": 3}
+        evaluate(Scenes(unbuilt, ""), folder=tmp_path, **{**usual, **asked})
     assert not any(tmp_path.iterdir())

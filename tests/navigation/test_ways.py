@@ -53,7 +53,7 @@ def test_what_is_gone_is_forgotten_when_a_beam_goes_through_or_long_after() -> N
     assert abs(ways.course_rad(HERE, target, 1.0)) < 0.2
 
 
-def test_shut_in_there_is_no_course_but_no_error() -> None:
+def test_shut_in_the_way_ends_before_what_shuts_in() -> None:
     ways = Ways()
     ways.note(HERE, np.full(72, 1.2))
     assert len(ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)) >= 1
