@@ -250,37 +250,29 @@ class _Mission:
             same = drove and leg.node == route.legs[passed - 1].node
             if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
-            left = _left_of(route, passed)
-            if drove:
-                seen = self.regard(pilot.look_around(), left)
-                if isinstance(seen, Suspect):
-                    return self.arrival.drive_to(seen)
-                if isinstance(seen, str):
-                    return False
-                if isinstance(seen, Plan):
-                    return self.follow(seen)
-            self.log(
-                "approach", tracker.name, len(pilot.looks) - 1,
-                bearing_deg=round(float(np.degrees(tracker.place.bearing_rad(pilot.here))), 1),
-                range_m=round(tracker.place.range_m(pilot.here), 1),
-            )  # fmt: skip
-            drove, ended = True, self.approach(tracker, left)
-            if isinstance(ended, Suspect):
-                return self.arrival.drive_to(ended)
-            if isinstance(ended, Plan):
-                return self.follow(ended)
+            ended = self.lead(tracker, _left_of(route, passed), self.config.approach_m, drove)
+            if not isinstance(ended, str):
+                return self.turn_to(ended)
             if ended != "near":
                 if ended != _ELSEWHERE:
                     self.failed.add(leg.key)
                 return False
             self.reached.add(leg.key)
-            passed = k
+            drove, passed = True, k
         if len(trackers) < len(route.legs) or goal is None:
             if not drove:  # or else from here it will see more
                 lost = route.legs[min(len(trackers), len(route.legs) - 1)]
                 self.log("lost", f"nothing tells how far {lost.next_by} is from {lost.seen_by}")
                 self.failed.add(lost.key)
             return False
+        if goal.range_m(pilot.here) > NEAR_M:
+            far = Tracker.of_place("where the goal should be", goal, pilot.eyes.calibration)
+            ended = self.lead(far, _left_of(route, passed), NEAR_M, drove)
+            if not isinstance(ended, str):
+                return self.turn_to(ended)
+            if ended == _ELSEWHERE:
+                return False
+            goal = far.place
         if self.home(goal, route):
             return True
         shown, refuted = goal.range_m(pilot.here) < NEAR_M, len(self.doubts.refuted)
@@ -293,6 +285,10 @@ class _Mission:
             return False
         self.doubts.found_nothing(goal, driven)
         return False
+
+    def turn_to(self, seen: Suspect | Plan) -> bool:
+        """To what came into view instead; True if it leads to the goal."""
+        return self.arrival.drive_to(seen) if isinstance(seen, Suspect) else self.follow(seen)
 
     def regard(self, look: Look, route: Route) -> "Suspect | Plan | str | None":
         """What a look on the way tells: what may be the goal, a better route, or a wrong one."""
@@ -325,15 +321,31 @@ class _Mission:
     def from_lookout(self, lookout: Tracker, route: Route) -> bool:
         """The goal is not where it should be: look for it from where it was seen."""
         self.log("lookout", f"to {lookout.name}")
-        seen = self.approach(lookout, route)
+        seen = self.approach(lookout, route, self.config.approach_m)
         if seen == "near":
             seen = self.arrival.note(self.pilot.look_around()) or seen
         return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
 
-    def approach(self, tracker: Tracker, route: Route) -> "str | Suspect | Plan":
+    def lead(
+        self, tracker: Tracker, route: Route, within_m: float, drove: bool
+    ) -> "str | Suspect | Plan":
+        """Approach what a route leads to, after a look around if it drove: more is known now."""
+        seen = self.regard(self.pilot.look_around(), route) if drove else None
+        if seen is not None:
+            return seen
+        here, place = self.pilot.here, tracker.place
+        self.log(
+            "approach", tracker.name, len(self.pilot.looks) - 1,
+            bearing_deg=round(float(np.degrees(place.bearing_rad(here))), 1),
+            range_m=round(place.range_m(here), 1),
+        )  # fmt: skip
+        return self.approach(tracker, route, within_m)
+
+    def approach(self, tracker: Tracker, route: Route, within_m: float) -> "str | Suspect | Plan":
         """Drive to a landmark or place: how that ended, or what came into view.
 
-        "near", "lost", "blocked", or "elsewhere" if the route is wrong.
+        "near", which is within so many metres, "lost", "blocked", or "elsewhere" if the route is
+        wrong.
         """
         config, pilot, name = self.config, self.pilot, tracker.name
         until_ns = pilot.until_ns(tracker.place)
@@ -343,7 +355,7 @@ class _Mission:
             place = tracker.place
             range_m = place.range_m(pilot.here)
             ahead_m = pilot.ahead_m(place.bearing_rad(pilot.here))
-            if range_m <= config.approach_m or (
+            if range_m <= within_m or (
                 ahead_m < config.approach_m and range_m < config.approach_m + large_m
             ):
                 self.log("reached", f"{name} is near", seen=tracker.seen)
@@ -367,7 +379,7 @@ class _Mission:
                 if seen is not None:
                     return seen
                 tracker.update(look, pilot.here)
-            elif glanced_m >= config.glance_every_m:
+            elif glanced_m >= config.glance_every_m and len(tracker.embedding):
                 glanced_m = 0.0
                 look = pilot.glance(tracker.place.bearing_rad(pilot.here))
                 tracker.update(look, pilot.here)

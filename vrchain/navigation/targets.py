@@ -112,8 +112,7 @@ def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tr
     """A panorama's place, to drive to."""
     std_m = _PLACE_STD_M + _STAND_DOUBT * stand.distance_to_m(here.xy_m)
     place = Place(stand.xy_m, std_m**2 * np.eye(2))
-    none = np.empty((0, 0), dtype=np.float32)
-    return Tracker(f"where {name} looked around", place, none, calibration)
+    return Tracker.of_place(f"where {name} looked around", place, calibration)
 
 
 def proposal_of(proposals: Proposals, region: Region) -> int | None:

@@ -29,6 +29,11 @@ class Tracker:
     seen: int = 0
     missed: int = 0
 
+    @classmethod
+    def of_place(cls, name: str, place: Place, calibration: Calibration) -> "Tracker":
+        """A mere place."""
+        return cls(name, place, np.empty((0, 0), dtype=np.float32), calibration)
+
     def moved(self, way_m: float) -> None:
         """The robot has driven so far: odometry has drifted."""
         self.place = self.place.after(way_m)
