@@ -268,6 +268,24 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
     assert result.reason == "no other robot's panorama shows the goal"
 
 
+def test_on_a_long_way_to_the_goal_the_ledger_is_asked_anew() -> None:
+    """Every 12 m: others may have seen by then that it is elsewhere."""
+    things = [replace(t, xy_m=(60.0, 8.0)) for t in street().things if t.name == "goal"]
+    plain = Plain((replace(things[0], visible_from=beyond(45.0)), *street().things[1:]))
+    index = PlainIndex(plain, {"R2": Pose(54.0, 4.0, 2.0)})
+    asked_at_m: list[float] = []
+
+    def published() -> dict[str, Published]:
+        asked_at_m.append(body.pose.x_m)
+        return index.published()
+
+    body, goal = Walker(plain, HOME), plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
+    result = run_mission("R1", body, published, index, goal, EYES, QUICK)
+    assert result.arrived and body.pose.distance_to_m((60.0, 8.0)) < 3.0
+    on_the_way = [x_m for x_m in asked_at_m if 10.0 < x_m < 45.0]
+    assert len(on_the_way) >= 2 and max(np.diff([0.0, *on_the_way, 45.0])) < 14.0
+
+
 @pytest.mark.parametrize(
     ("trust", "why"),
     [
