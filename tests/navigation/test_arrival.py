@@ -1,5 +1,6 @@
 """When a robot may claim that it has arrived."""
 
+from collections.abc import Iterator
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
@@ -19,6 +20,7 @@ class Standing:
 
     config, here = MissionConfig(), Pose(0.0, 0.0)
     looks = ()
+    ways = SimpleNamespace(reach_m=7.9)
 
     def __init__(self) -> None:
         self.now = SimpleNamespace(time_ns=0)
@@ -141,8 +143,6 @@ def test_never_seen_is_never_sure() -> None:
 class BeforeABush(Standing):
     """Something narrow stands 0.8 m ahead, what is wide 3.2 m."""
 
-    ways = SimpleNamespace(reach_m=7.9)
-
     def __init__(self, front_m: float) -> None:
         super().__init__()
         self.driven_to: list[float] = []
@@ -193,6 +193,28 @@ def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: flo
     else:
         assert there == pytest.approx([goal_x_m, 0.0], abs=2.0)
     assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
+
+
+@pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
+def test_from_another_side_it_is_looked_at_before_it_is_claimed(
+    range_m: float, arrives: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was met: a hedge 5 m before the goal, which looked near in two sights of three."""
+    sight = GoalSight(0.0, 6.0, range_m, 0.2, 60, 3.4, 0.99, sized=True)
+    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    ahead = ((-12.0, 1.0), (-9.0, 1.0), (-6.0, range_m))  # stood, and believed it to be, on the x
+    seen = tuple((Pose(x_m, 0.0), replace(sight, surface_m=at_m - x_m)) for x_m, at_m in ahead)
+    before = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
+    beside: list[Suspect] = []
+
+    def sides(suspect: Suspect) -> Iterator[Suspect]:
+        beside.append(before)
+        yield before
+
+    monkeypatch.setattr(ours, "_sides", sides)
+    monkeypatch.setattr(ours, "_is_at", lambda place: bool(beside))
+    assert ours.drive_to(before) == arrives and beside
 
 
 def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
