@@ -10,7 +10,6 @@ from sights import RIG
 from vrchain.errors import MissionError
 from vrchain.experiments.task import (
     GOAL_PICTURES,
-    GOAL_RANGE_M,
     SPACING_M,
     Task,
     draw_task,
@@ -19,6 +18,7 @@ from vrchain.experiments.task import (
     robot_names,
 )
 from vrchain.landmarks.quality import co_visible
+from vrchain.navigation.terms import GOAL_RANGE_M
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
 

@@ -22,6 +22,7 @@ from vrchain.navigation.goal import goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
 from vrchain.navigation.terms import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.render import Renderer
 from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
@@ -93,8 +94,7 @@ def run(
     """
     eyes = learned_eyes(weights)
     rig = rig or CameraRig()
-    setup = Simulator(scene, {}, seed=seed, rig=rig)
-    truth, renderer = setup.truth, setup.renderer
+    truth, renderer = GroundTruth(scene), Renderer(scene)
     if scene.robots:
         task = scene_task(scene, truth, seed, n_robots, robot, goal)
     else:

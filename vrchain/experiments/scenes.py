@@ -7,8 +7,6 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
 
-import numpy as np
-
 from vrchain.scene import Scene, build_scene, load_scene, load_spec
 from vrchain.scene.gazebo import SUFFIXES
 from vrchain.scene.spec import SceneSpec
@@ -62,9 +60,8 @@ def _digest(path: Path, scene: Scene) -> str:
     content = hashlib.sha256(path.read_bytes())
     for thing in scene.objects:
         content.update(f"{thing.name} {thing.kind} {thing.model} {thing.landmark}".encode())
-        for s in thing.surfaces:
-            for array in (s.vertices_m, s.faces, s.uv, s.texture):
-                content.update(np.ascontiguousarray(array).tobytes())
+        for surface in thing.surfaces:
+            content.update(surface.digest)
     return content.hexdigest()
 
 

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.quality import co_visible
+from vrchain.navigation.terms import GOAL_RANGE_M
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
 from vrchain.scene.model import Scene
@@ -22,7 +23,6 @@ from vrchain.truth import GroundTruth
 
 Points = NDArray[np.float64]
 SPACING_M = (5.0, 8.0)  # between neighbours of a chain
-GOAL_RANGE_M = (6.0, 15.0)  # from which the goal's pictures are taken
 GOAL_PICTURES = 4
 _CLEARANCE_M = 1.0
 _BATCH = 20_000  # chains of places tried at once

@@ -244,13 +244,13 @@ class _Mission:
             )
             self.doubts.blame(driven)
             return False
-        drove, passed = False, 0
+        passed = 0  # legs behind the robot, if it drove any of them
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
-            same = drove and leg.node == route.legs[passed - 1].node
+            same = passed and leg.node == route.legs[passed - 1].node
             if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
-            ended = self.lead(tracker, _left_of(route, passed), self.config.approach_m, drove)
+            ended = self.lead(tracker, route, passed, self.config.approach_m)
             if not isinstance(ended, str):
                 return self.turn_to(ended)
             if ended != "near":
@@ -258,16 +258,16 @@ class _Mission:
                     self.failed.add(leg.key)
                 return False
             self.reached.add(leg.key)
-            drove, passed = True, k
+            passed = k
         if len(trackers) < len(route.legs) or goal is None:
-            if not drove:  # or else from here it will see more
+            if not passed:  # or else from here it will see more
                 lost = route.legs[min(len(trackers), len(route.legs) - 1)]
                 self.log("lost", f"nothing tells how far {lost.next_by} is from {lost.seen_by}")
                 self.failed.add(lost.key)
             return False
         if goal.range_m(pilot.here) > NEAR_M:
             far = Tracker.of_place("where the goal should be", goal, pilot.eyes.calibration)
-            ended = self.lead(far, _left_of(route, passed), NEAR_M, drove)
+            ended = self.lead(far, route, passed, NEAR_M)
             if not isinstance(ended, str):
                 return self.turn_to(ended)
             if ended == _ELSEWHERE:
@@ -327,10 +327,11 @@ class _Mission:
         return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
 
     def lead(
-        self, tracker: Tracker, route: Route, within_m: float, drove: bool
+        self, tracker: Tracker, route: Route, passed: int, within_m: float
     ) -> "str | Suspect | Plan":
-        """Approach what a route leads to, after a look around if it drove: more is known now."""
-        seen = self.regard(self.pilot.look_around(), route) if drove else None
+        """Approach what a route leads to; after a leg with a look around: more is known now."""
+        left = _left_of(route, passed)
+        seen = self.regard(self.pilot.look_around(), left) if passed else None
         if seen is not None:
             return seen
         here, place = self.pilot.here, tracker.place
@@ -339,7 +340,7 @@ class _Mission:
             bearing_deg=round(float(np.degrees(place.bearing_rad(here))), 1),
             range_m=round(place.range_m(here), 1),
         )  # fmt: skip
-        return self.approach(tracker, route, within_m)
+        return self.approach(tracker, left, within_m)
 
     def approach(self, tracker: Tracker, route: Route, within_m: float) -> "str | Suspect | Plan":
         """Drive to a landmark or place: how that ended, or what came into view.

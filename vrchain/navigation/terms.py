@@ -6,6 +6,7 @@ from typing import Any, Protocol
 
 from vrchain.robot import Drive, Observation
 
+GOAL_RANGE_M = (6.0, 15.0)  # from which a goal's pictures are taken
 _BEFORE = "~"
 
 

@@ -3,6 +3,7 @@
 Nothing here draws or casts rays; ``render`` and ``truth`` take a ``Scene`` and do.
 """
 
+import hashlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -45,6 +46,15 @@ class Surface:
     def cut_out(self) -> bool:
         """Whether it may be see-through in places."""
         return self.texture.shape[2] == 4
+
+    @property
+    def digest(self) -> bytes:
+        """Of its shape and texture, whatever its light."""
+        content = hashlib.sha256()
+        for array in (self.vertices_m, self.faces, self.uv, self.texture):
+            content.update(str(array.shape).encode())
+            content.update(np.ascontiguousarray(array).tobytes())
+        return content.digest()
 
 
 @dataclass(frozen=True, eq=False)

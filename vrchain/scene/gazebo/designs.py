@@ -142,9 +142,7 @@ class Designs:
     def _name(self, model: Model, surfaces: Sequence[Surface], ground: Sequence[_Ground]) -> str:
         content = hashlib.sha256()
         for s in surfaces:
-            for array in (s.vertices_m, s.faces, s.uv, s.texture):
-                content.update(str(array.shape).encode())
-                content.update(np.ascontiguousarray(array).tobytes())
+            content.update(s.digest)
         for g in ground:
             content.update(f"{g.matrix.tolist()}{g.size_m.tolist()}{g.look}".encode())
         key = content.hexdigest()
