@@ -13,9 +13,9 @@ from vrchain.scene.model import ROBOT_RADIUS_M
 from vrchain.simulator import Simulator
 
 
-def leg(range_m: float = 10.0, bearing_deg: float = 0.0, why: str = "landmark 1") -> Decision:
+def leg(range_m: float = 10.0, bearing_deg: float = 0.0, what: str = "leg") -> Decision:
     values = {"range_m": range_m, "bearing_deg": bearing_deg}
-    return Decision(0.0, "approach", why, None, values)
+    return Decision(0.0, what, "landmark 1", None, values)
 
 
 def alone() -> Simulator:
@@ -56,7 +56,7 @@ def test_what_is_barred_is_driven_round_and_not_through() -> None:
 def test_each_leg_is_decided_on_once_and_others_are_let_alone() -> None:
     simulator = alone()
     bars = Barred(simulator, "R1", 1.0, seed=1)
-    for other in (leg(3.0), leg(why="the goal"), Decision(0.0, "reached", "landmark 1 is near")):
+    for other in (leg(3.0), leg(what="approach"), Decision(0.0, "reached", "landmark 1 is near")):
         bars.tell(other)
     assert bars.rows == 0 and len(parked(simulator)) == 0
     bars.tell(leg())

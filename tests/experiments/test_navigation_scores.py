@@ -65,7 +65,7 @@ def test_what_came_of_routes_is_read_from_the_log() -> None:
     def log(*said: str) -> list[dict[str, Any]]:
         return [{"what": what, "values": {"trust": k / 10}} for k, what in enumerate(said)]
 
-    driven = ("no route", "route", "approach", "route", "plan again")
+    driven = ("no route", "route", "leg", "route", "plan again")
     assert routes_of(log(*driven, "route", "approach", "arrived")) == [(0.1, False), (0.5, True)]
     refuted = ("route", "doubt", "plan again")
     assert routes_of(log(*refuted, "route", "approach")) == []  # not driven; broken off

@@ -110,7 +110,7 @@ def test_a_goal_out_of_view_is_reached_by_the_chain() -> None:
     check_log(result)
     assert result.arrived, result.decisions
     assert goal_range_m(body) <= QUICK.arrival_m + 0.3
-    assert words(result)[:3] == ["ledger", "route", "approach"]
+    assert words(result)[:3] == ["ledger", "route", "leg"]
     _, route = result.plans[0]
     assert route.robots == ("R1", "R2")
 
@@ -203,10 +203,10 @@ def test_a_robot_that_is_shut_in_is_blocked_and_gives_up() -> None:
     result, _ = drive(street(), TEAM, shut_in=True, config=PATIENT)
     check_log(result, PATIENT)
     assert not result.arrived and "no chain of common landmarks leads there" in result.reason
-    assert words(result)[:4] == ["ledger", "route", "approach", "blocked"]
+    assert words(result)[:4] == ["ledger", "route", "leg", "blocked"]
     assert "reached" not in words(result)
     for tried, then in pairwise(result.decisions):
-        if tried.what in ("approach", "lookout"):  # and not before it has really tried
+        if tried.what in ("leg", "approach", "lookout"):  # and not before it has really tried
             assert then.what in ("blocked", "doubt")
             assert then.time_s - tried.time_s >= PATIENT.stuck_after_s
     keys = [route.legs[0].key for _, route in result.plans]
@@ -258,7 +258,7 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
     check_log(result, easy)
     assert not result.arrived
     assert goal_range_m(body) <= easy.arrival_m + 0.3  # it was looked at from right before it
-    told = [d.why for d in result.decisions if d.what in ("approach", "doubt")]
+    told = [d.why for d in result.decisions if d.what in ("leg", "approach", "doubt")]
     assert told[1:] == [
         "the goal",
         "it never looked enough like the goal's pictures",

@@ -32,7 +32,7 @@ class Barred:
 
     def tell(self, decision: Decision) -> None:
         """Bar the leg that was decided on, or not."""
-        if decision.what != "approach" or "the goal" in decision.why:
+        if decision.what != "leg":
             return
         pose, way_m = self._simulator.pose(self._robot), float(decision.values["range_m"])
         course = pose.yaw_rad + np.radians(decision.values["bearing_deg"])

@@ -18,7 +18,7 @@ import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import lru_cache
-from itertools import pairwise, product
+from itertools import product
 from pathlib import Path
 from time import perf_counter
 
@@ -174,10 +174,7 @@ class Suburb:
             "chain_way_m": chain.way_m if chain else None,
             "collisions": simulator.collisions(robot),
             "replans": max(0, len(result.plans) - 1),
-            "legs": sum(
-                now.what == "reached" and before.what != "lookout"
-                for before, now in pairwise(result.decisions)
-            ),
+            "legs": sum(d.what == "reached" for d in result.decisions),
             "seconds_simulated": seconds,
             "log": [asdict(d) for d in result.decisions],
         }

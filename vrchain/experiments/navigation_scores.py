@@ -28,7 +28,7 @@ def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
         what = decision["what"]
         if what == "route" and trust is None:
             trust, driven = decision["values"]["trust"], False
-        elif what == "approach":
+        elif what in ("leg", "approach"):
             driven = True
         elif what in ("plan again", "arrived", "gave up") and trust is not None:
             found += [(trust, what == "arrived")] if driven else []

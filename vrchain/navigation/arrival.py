@@ -123,7 +123,7 @@ class Arrival:
             if there is None:
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
-            before, behind = self.pilot.here, replace(suspect, place=Place(there, 4.0 * np.eye(2)))
+            before, behind = self.pilot.here, replace(suspect, place=_about(there))
             suspect = self._close_in(behind)
             if self.pilot.here.distance_to_m(before.xy_m) < _HEADWAY_M:
                 suspect = behind  # from another side, then
@@ -139,8 +139,13 @@ class Arrival:
         return self._give_up(suspect.place)
 
     def _is_there(self, suspect: Suspect) -> bool:
-        """Whether the robot has got to it, and it is as large as it should be."""
-        return self._is_at(suspect.place) and self._behind_this(suspect) is None
+        """Whether the robot has got to it, and it is as large as it should be.
+
+        It may be nearer than it is believed: what is in the way to it is its own wall, then.
+        """
+        there = self._by_size(suspect)
+        at = self._is_at(suspect.place) or (there is not None and self._is_at(_about(there[0])))
+        return at and self._behind_this(suspect) is None
 
     def _give_up(self, place: Place) -> bool:
         """What cannot be reached is tried once more, later; never arrived."""
@@ -197,7 +202,7 @@ class Arrival:
 
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
         """One more sight of it; a second one from one place tells nothing new."""
-        if any(stood.distance_to_m(self.pilot.here.xy_m) < _ANEW_M for stood, _ in suspect.sights):
+        if not self._is_anew(suspect):
             return replace(suspect, chance=max(suspect.chance, sight.chance))
         return replace(
             suspect,
@@ -205,6 +210,11 @@ class Arrival:
             chance=max(suspect.chance if suspect.sights else 0.0, sight.chance),
             sights=(*suspect.sights, (self.pilot.here, sight)),
         )
+
+    def _is_anew(self, suspect: Suspect) -> bool:
+        """Whether it was not seen from here before."""
+        here = self.pilot.here
+        return all(stood.distance_to_m(here.xy_m) >= _ANEW_M for stood, _ in suspect.sights)
 
     def _close_in(self, suspect: Suspect) -> Suspect:
         """Drive up to its side, with a glance every few metres, unless it turns out to be none."""
@@ -265,8 +275,8 @@ class Arrival:
             while pilot.now.time_ns < until_ns and pilot.here.distance_to_m(stand_xy_m) > 1.5:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
                     break
-            side = Place(middle + half_m * outward, 4.0 * np.eye(2))
-            suspect = self._regarded(replace(suspect, place=side))
+            side = replace(suspect, place=_about(middle + half_m * outward))
+            suspect = self._regarded(side)
             yield suspect
 
     def _is_at(self, place: Place) -> bool:
@@ -309,12 +319,22 @@ class Arrival:
         look = self.pilot.look_around()
         bearing_rad = suspect.place.bearing_rad(self.pilot.here)
         sight = self.goal.find(look, bearing_rad, _BESIDE_RAD)
-        if sight is None or sight.chance < self.pilot.config.likely:
+        if sight is None or sight.chance < self.pilot.config.likely or not self._is_anew(suspect):
             return suspect
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
     def _behind_this(self, suspect: Suspect) -> Array | None:
         """Where its side is, (2,), by how large it looked lately, if that is not here."""
+        by_size = self._by_size(suspect)
+        if by_size is None:
+            return None
+        there, away = by_size
+        onward = there - self.pilot.here.xy_m
+        beyond = float(np.hypot(*onward)) > _LOOKS_FAR_M and float(onward @ away) > 0
+        return there if beyond else None
+
+    def _by_size(self, suspect: Suspect) -> tuple[Array, Array] | None:
+        """Where its side is by how large it looked lately, (2,), and its way there as last seen."""
         sized = [(here, sight) for here, sight in suspect.sights if sight.sized]
         if not sized:
             return None
@@ -323,10 +343,12 @@ class Arrival:
         stood = np.array([here.xy_m for here, _ in sized])[side]
         range_m = np.array([sight.surface_m for _, sight in sized])
         away = (range_m * np.stack([np.cos(course), np.sin(course)])).T[side]
-        there = np.median((stood + away)[-_LATELY:], axis=0)
-        onward = there - self.pilot.here.xy_m
-        beyond = float(np.hypot(*onward)) > _LOOKS_FAR_M and float(onward @ away[-1]) > 0
-        return there if beyond else None
+        return np.median((stood + away)[-_LATELY:], axis=0), away[-1]
+
+
+def _about(xy_m: Array) -> Place:
+    """A place known to some 2 m."""
+    return Place(xy_m, 4.0 * np.eye(2))
 
 
 def _width_m(suspect: Suspect) -> float:

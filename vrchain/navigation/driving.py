@@ -16,6 +16,7 @@ from vrchain.robot import Observation, steer
 Array = NDArray[np.float64]
 
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
+_LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
 _TICKS = 3  # of steering between two looks for a way
 _PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
@@ -38,6 +39,7 @@ class Pilot:
         self.latest: tuple[Pose, Look] | None = None
         self.now: Observation = body.observe()
         self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
+        self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
 
     @property
     def here(self) -> Pose:
@@ -88,13 +90,17 @@ class Pilot:
         driven_m, previous = 0.0, self.here
         since_ns, since_m = self.now.time_ns, 0.0
         while driven_m < way_m:
+            if self.here.distance_to_m(self._about_xy_m) > _LINGERS_M:
+                self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
             if driven_m >= since_m + _HEADWAY_M:
                 since_ns, since_m = self.now.time_ns, driven_m
             self.ways.note(self.here, self.now.range_ring_m)
             course = self.ways.course_rad(self.here, xy_m, within_m)
             if course is None:
                 return driven_m if driven_m > 0.2 else None
-            if self.now.time_ns - since_ns > self.config.stuck_after_s * 1e9:
+            stuck = self.now.time_ns - since_ns > self.config.stuck_after_s * 1e9
+            if stuck or self.now.time_ns - self._about_ns > _LINGERS_S * 1e9:
+                self._about_ns = self.now.time_ns
                 self.ways.block(self.here, course)
                 return None
             for _ in range(_TICKS):

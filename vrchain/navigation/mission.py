@@ -250,13 +250,14 @@ class _Mission:
             same = passed and leg.node == route.legs[passed - 1].node
             if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
-            ended = self.lead(tracker, route, passed, self.config.approach_m)
+            ended = self.lead("leg", tracker, route, passed, self.config.approach_m)
             if not isinstance(ended, str):
                 return self.turn_to(ended)
             if ended != "near":
                 if ended != _ELSEWHERE:
                     self.failed.add(leg.key)
                 return False
+            self.log("reached", f"{tracker.name} is near", seen=tracker.seen)
             self.reached.add(leg.key)
             passed = k
         if len(trackers) < len(route.legs) or goal is None:
@@ -267,7 +268,7 @@ class _Mission:
             return False
         if goal.range_m(pilot.here) > NEAR_M:
             far = Tracker.of_place("where the goal should be", goal, pilot.eyes.calibration)
-            ended = self.lead(far, route, passed, NEAR_M)
+            ended = self.lead("approach", far, route, passed, NEAR_M)
             if not isinstance(ended, str):
                 return self.turn_to(ended)
             if ended == _ELSEWHERE:
@@ -327,7 +328,7 @@ class _Mission:
         return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
 
     def lead(
-        self, tracker: Tracker, route: Route, passed: int, within_m: float
+        self, what: str, tracker: Tracker, route: Route, passed: int, within_m: float
     ) -> "str | Suspect | Plan":
         """Approach what a route leads to; after a leg with a look around: more is known now."""
         left = _left_of(route, passed)
@@ -336,7 +337,7 @@ class _Mission:
             return seen
         here, place = self.pilot.here, tracker.place
         self.log(
-            "approach", tracker.name, len(self.pilot.looks) - 1,
+            what, tracker.name, len(self.pilot.looks) - 1,
             bearing_deg=round(float(np.degrees(place.bearing_rad(here))), 1),
             range_m=round(place.range_m(here), 1),
         )  # fmt: skip
@@ -359,7 +360,6 @@ class _Mission:
             if range_m <= within_m or (
                 ahead_m < config.approach_m and range_m < config.approach_m + large_m
             ):
-                self.log("reached", f"{name} is near", seen=tracker.seen)
                 return "near"
             if tracker.missed >= _LOST_AFTER and tracker.seen == 0 and range_m < _LOST_M:
                 self.log("lost", f"{name} is not where it should be")
@@ -367,7 +367,6 @@ class _Mission:
             way_m = pilot.stretch(place.xy_m, config.approach_m - 0.5, 0.5)
             if way_m is None:
                 if range_m < config.approach_m + _LARGE_M:  # from a place so near, on to the next
-                    self.log("reached", f"{name} is as near as it gets", seen=tracker.seen)
                     return "near"
                 self.log("blocked", f"no way leads to {name}")
                 return "blocked"
