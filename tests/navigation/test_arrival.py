@@ -230,6 +230,21 @@ def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
     assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights)) is None
 
 
+@pytest.mark.parametrize(
+    ("looks_m", "met_m", "there"),
+    [(1.8, 1.0, True), (1.8, 6.0, False), (6.0, 1.0, False)],
+)
+def test_its_wall_is_met_before_it_is_believed_to_be(
+    looks_m: float, met_m: float, there: bool
+) -> None:
+    """As it was met: the goal was believed 4 m away, and its wall was in the way there."""
+    ours = arrival()
+    cast(Any, ours.pilot).ahead_m = lambda *asked: met_m
+    sight = GoalSight(0.0, looks_m, looks_m, 0.2, 40, 3.0, 0.99, sized=True)
+    at = Suspect(Place(np.array([4.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    assert ours._is_there(at) == there
+
+
 @pytest.mark.parametrize("short_m", [-8.0, 8.0])
 def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: float) -> None:
     """As it was met: by size a house was 8 m behind the robot, which stood before it."""

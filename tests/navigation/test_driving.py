@@ -7,6 +7,7 @@ from navigation.plains import EYES, Plain, Walker
 from vrchain.geometry import Pose
 from vrchain.navigation.driving import Pilot, range_along_m
 from vrchain.navigation.terms import GaveUp, MissionConfig
+from vrchain.robot import Drive
 
 
 def pilot(shut_in: bool = False, **config: float) -> Pilot:
@@ -31,6 +32,25 @@ def test_who_makes_no_headway_is_stuck() -> None:
     ours = pilot(shut_in=True)
     assert ours.stretch(there(45.0), 1.0, 40.0) is None
     assert ours.now.time_ns <= (ours.config.stuck_after_s + 2) * 1e9
+
+
+class Swaying(Walker):
+    """A robot that turns back after each step."""
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        ahead_m = 0.2 if round(self.time_ns / 1e9 / duration_s) % 2 else -0.2
+        self.pose = Pose(self.pose.x_m + ahead_m, self.pose.y_m, self.pose.yaw_rad)
+        self.time_ns += round(duration_s * 1e9)
+
+
+def test_who_goes_back_and_forth_is_stuck_too_and_may_try_again() -> None:
+    body = Swaying(Plain(()), Pose(0.0, 0.0, np.pi))
+    ours = Pilot(body, EYES, MissionConfig())  # type: ignore[arg-type]
+    assert ours.stretch(there(45.0), 1.0, 40.0) is None
+    first_s = ours.now.time_ns / 1e9
+    assert 40.0 <= first_s <= 45.0
+    assert ours.stretch(there(45.0), 1.0, 40.0) is None
+    assert ours.now.time_ns / 1e9 >= first_s + 40.0
 
 
 def test_the_time_ends_in_the_middle_of_a_stretch() -> None:
