@@ -213,7 +213,7 @@ def test_from_another_side_it_is_looked_at_before_it_is_claimed(
         yield before
 
     monkeypatch.setattr(ours, "_sides", sides)
-    monkeypatch.setattr(ours, "_is_at", lambda place: bool(beside))
+    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: bool(beside))
     assert ours.drive_to(before) == arrives and beside
 
 

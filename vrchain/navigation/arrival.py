@@ -29,6 +29,7 @@ _SHAPE_M = 5.0  # sights from nearer show no shape
 _AGREE = 2  # sights from farther, at least, that a plain goal is known by
 _ANEW_M = 0.5  # from each other, and it is another sight
 _RICH = 300  # keypoints on a goal in a picture, from which it is no plain thing
+_NEARLY_M = 2.2  # a goal may be so far away that can be got no nearer
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
@@ -97,6 +98,10 @@ class Arrival:
         """Whether what is there looked like the goal and was something else."""
         return _near(self._mistaken, place)
 
+    def is_blocked(self, place: Place) -> bool:
+        """Whether no way led to what is there, which may be the goal all the same."""
+        return _near(self._blocked, place) and not self.was_mistaken(place)
+
     def drive_to(self, suspect: Suspect) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
         self._begin(suspect)
@@ -139,12 +144,13 @@ class Arrival:
         return self._give_up(suspect.place)
 
     def _is_there(self, suspect: Suspect) -> bool:
-        """Whether the robot has got to it, and it is as large as it should be.
+        """Whether the robot has got as near to it as may be, and it is as large as it should be.
 
         It may be nearer than it is believed: what is in the way to it is its own wall, then.
         """
-        there = self._by_size(suspect)
-        at = self._is_at(suspect.place) or (there is not None and self._is_at(_about(there[0])))
+        by_size = self._by_size(suspect)
+        places = [suspect.place] if by_size is None else [suspect.place, _about(by_size[0])]
+        at = any(self._is_at(place, _NEARLY_M) for place in places)
         return at and self._behind_this(suspect) is None
 
     def _give_up(self, place: Place) -> bool:
@@ -221,7 +227,7 @@ class Arrival:
         pilot, config = self.pilot, self.pilot.config
         glanced_m, looked_m = config.glance_every_m, 0.0
         until_ns = pilot.until_ns(suspect.place)
-        while pilot.now.time_ns < until_ns and not self._is_at(suspect.place):
+        while pilot.now.time_ns < until_ns and not self._is_at(suspect.place, config.arrival_m):
             if suspect.place.range_m(pilot.here) <= config.sees_m:
                 if glanced_m >= config.glance_every_m:
                     glanced_m = 0.0
@@ -279,9 +285,9 @@ class Arrival:
             suspect = self._regarded(side)
             yield suspect
 
-    def _is_at(self, place: Place) -> bool:
+    def _is_at(self, place: Place, reach_m: float) -> bool:
         """Whether the goal's side is within reach, and something is there."""
-        pilot, reach_m = self.pilot, self.pilot.config.arrival_m
+        pilot = self.pilot
         bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
         if range_m <= _BESIDE_M and pilot.ahead_m(bearing, _BESIDE_RAD) <= _TOUCH_M:
             return True

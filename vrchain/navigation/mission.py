@@ -276,6 +276,8 @@ class _Mission:
             goal = far.place
         if self.home(goal, route):
             return True
+        if self.arrival.is_blocked(goal):
+            return False  # the route was right
         shown, refuted = goal.range_m(pilot.here) < NEAR_M, len(self.doubts.refuted)
         if lookout is not None and self.from_lookout(lookout, _left_of(route, len(route.legs))):
             return True

@@ -66,6 +66,10 @@ class PlaceArrival(Arrival):
         super().__init__(pilot, goal, log)
         self._homing = goal.homing
 
+    def is_blocked(self, place: Place) -> bool:
+        """Never: what was not found there was sought there."""
+        return False
+
     def drive_to(self, suspect: Suspect) -> bool:
         """Drive to where the place should be; True if the robot surely stands there."""
         pilot = self.pilot
