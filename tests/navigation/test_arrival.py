@@ -232,7 +232,7 @@ def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
 
 @pytest.mark.parametrize(
     ("looks_m", "met_m", "there"),
-    [(1.8, 1.0, True), (1.8, 6.0, False), (6.0, 1.0, False)],
+    [(1.8, 1.0, True), (1.8, 6.0, False), (2.8, 1.0, False), (6.0, 1.0, False)],
 )
 def test_its_wall_is_met_before_it_is_believed_to_be(
     looks_m: float, met_m: float, there: bool

@@ -227,6 +227,22 @@ def test_shut_in_with_the_goal_in_view() -> None:
         assert len(result.looks) < 20
 
 
+def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
+    """Posts stand around it, too close to each other for the robot."""
+    angles = np.arange(12) * np.pi / 6
+    posts = [
+        Thing(f"post {k}", (GOAL_XY[0] + 6.0 * np.cos(a), GOAL_XY[1] + 6.0 * np.sin(a)))
+        for k, a in enumerate(angles)
+    ]
+    plain = Plain((*street().things, *posts))
+    patient = replace(PATIENT, leg_limit_s=5.0)
+    result, _ = drive(plain, TEAM, config=patient)
+    check_log(result, patient)
+    assert not result.arrived
+    said = words(result)
+    assert said[said.index("blocked") + 1] == "plan again"
+
+
 @pytest.mark.parametrize("limit_s", [0.0, 5.0, 12.0])
 def test_time_runs_out(limit_s: float) -> None:
     config = MissionConfig(limit_s=limit_s, explores=False)
