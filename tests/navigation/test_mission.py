@@ -229,18 +229,19 @@ def test_shut_in_with_the_goal_in_view() -> None:
 
 def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
     """Posts stand around it, too close to each other for the robot."""
-    angles = np.arange(12) * np.pi / 6
-    posts = [
-        Thing(f"post {k}", (GOAL_XY[0] + 6.0 * np.cos(a), GOAL_XY[1] + 6.0 * np.sin(a)))
-        for k, a in enumerate(angles)
-    ]
-    plain = Plain((*street().things, *posts))
-    patient = replace(PATIENT, leg_limit_s=5.0)
-    result, _ = drive(plain, TEAM, config=patient)
-    check_log(result, patient)
-    assert not result.arrived
+    x_m, y_m = GOAL_XY
+    around = [(x_m + 5.0 * np.cos(a), y_m + 5.0 * np.sin(a)) for a in np.arange(12) * np.pi / 6]
+    posts = [Thing(f"post {k}", xy) for k, xy in enumerate(around)]
+    plain = Plain((*street(visible_from=within(GOAL_XY, 9.0)).things, *posts))
+    config = MissionConfig(limit_s=230.0, leg_limit_s=5.0, explores=False)
+    goal, index = street().goal("goal", 3.9, 3.4, -2.0, 1.0), PlainIndex(street(), TEAM)
+    result, _ = drive(plain, {}, goal=goal, index=index, config=config)
+    check_log(result, config)
     said = words(result)
-    assert said[said.index("blocked") + 1] == "plan again"
+    blocked = said.index("blocked")
+    assert said[:4] == ["ledger", "route", "leg", "reached"] and "doubt" not in said
+    assert said[blocked : blocked + 4] == ["blocked", "plan again", "ledger", "route"]
+    assert not result.arrived
 
 
 @pytest.mark.parametrize("limit_s", [0.0, 5.0, 12.0])
