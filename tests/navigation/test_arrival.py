@@ -245,6 +245,20 @@ def test_its_wall_is_met_before_it_is_believed_to_be(
     assert ours._is_there(at) == there
 
 
+@pytest.mark.parametrize(("met_x_m", "side_x_m"), [(3.5, 5.0), (7.0, 7.0), (8.1, 5.0)])
+def test_what_is_met_beyond_it_is_not_its_side(met_x_m: float, side_x_m: float) -> None:
+    """As it was met: passing its goal's long wall, a robot took for it what came ahead, and next.
+
+    Seen from 4 m, which tells that to 1.3 m; what is met at 3.5 m is before where it is believed.
+    """
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(3.0, 0.0)
+    cast(Any, ours.pilot).ahead_m = lambda *asked: met_x_m - 3.0
+    sight = GoalSight(0.0, 4.0, 4.0, 0.2, 40, 3.0, 0.99, sized=True)
+    believed = Suspect(Place(np.array([5.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    assert ours._felt(believed).place.xy_m == pytest.approx([side_x_m, 0.0])
+
+
 @pytest.mark.parametrize("short_m", [-8.0, 8.0])
 def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: float) -> None:
     """As it was met: by size a house was 8 m behind the robot, which stood before it."""

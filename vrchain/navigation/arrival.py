@@ -243,13 +243,13 @@ class Arrival:
                         suspect = Suspect(place, sight.chance, ((pilot.here, sight),))
             if suspect.against >= _AGAINST and not self._is_likely(suspect):
                 break
-            suspect = replace(suspect, place=self._felt(suspect.place))
+            suspect = self._felt(suspect)
             way_m = pilot.stretch(suspect.place.xy_m, 1.0, 0.5)
             if way_m is None:
                 break
             glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
             suspect = replace(suspect, place=suspect.place.after(way_m))
-        return replace(suspect, place=self._felt(suspect.place))
+        return self._felt(suspect)
 
     def _regarded(self, suspect: Suspect) -> Suspect:
         """What a glance at it tells."""
@@ -311,14 +311,22 @@ class Arrival:
                 if pilot.stretch(there, 0.5, 0.5) is None:
                     break
 
-    def _felt(self, place: Place) -> Place:
-        """The goal's side where the range ring meets something, once it is believed so near."""
-        pilot = self.pilot
+    def _felt(self, suspect: Suspect) -> Suspect:
+        """Its side is where the range ring meets something, once it is believed so near.
+
+        Not what is met beyond where it was seen last: the robot has passed it.
+        """
+        pilot, place = self.pilot, suspect.place
         bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < pilot.ways.reach_m:
-            return place  # what is before it is to be driven around
-        return Place(sighted(pilot.here, bearing, ahead_m).xy_m, place.covariance)
+            return suspect  # what is before it is to be driven around
+        met_xy_m = sighted(pilot.here, bearing, ahead_m).xy_m
+        for stood, sight in suspect.sights[-1:]:
+            seen = sighted(stood, sight.bearing_rad, sight.surface_m)
+            if float(np.hypot(*(met_xy_m - seen.xy_m))) > _SAME_STD * seen.std_m:
+                return suspect
+        return replace(suspect, place=Place(met_xy_m, place.covariance))
 
     def _seen_around(self, suspect: Suspect) -> Suspect:
         """What a look all around tells of it."""
