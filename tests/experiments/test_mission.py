@@ -29,7 +29,7 @@ from vrchain.scene.model import Scene
 from vrchain.simulator import Simulator
 from vrchain.truth import GroundTruth
 
-SHORT = MissionConfig(limit_s=120.0)
+SHORT = MissionConfig(limit_s=240.0)
 
 
 @pytest.fixture(scope="module")
