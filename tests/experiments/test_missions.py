@@ -1,5 +1,6 @@
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import astuple
 from itertools import combinations, pairwise, permutations, product
 from types import SimpleNamespace
 from typing import cast
@@ -55,6 +56,8 @@ def test_a_place_is_out_of_sight_of_all_that_the_start_sees(ground: Ground) -> N
     drawn = ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
     assert drawn == ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
     assert drawn.goal == missions.PLACE and len(drawn.goal_poses) == 1
+    places = {tuple(stand) for stand in ground._places_of(5, 0)[0]}
+    assert {astuple(p) for p in (*drawn.poses.values(), *drawn.goal_poses)} <= places
     start, (place,) = drawn.poses["R1"], drawn.goal_poses
     assert not co_visible(ground.truth, start, place, RIG)
     assert hamlet().is_free([place.xy_m]).all()
@@ -150,10 +153,10 @@ class Made:
     def zone(self, name: str) -> np.ndarray:
         return self.ground.free.around(self._footprint(name), missions.APPROACH_M)
 
-    def chain(self, start_xy_m: tuple[float, float]) -> TrueChain | None:
+    def chain(self, start_xy_m: tuple[float, float], least: int = 0) -> TrueChain | None:
         far_m = self.ground.free.from_m(np.array(start_xy_m))
         target = self.scene.index_of("goal")
-        return self.ground.chain(self.poses, target, far_m, self.zone("goal"))
+        return self.ground.chain(self.poses, target, far_m, self.zone("goal"), least)
 
     def way_m(self, start_xy_m: tuple[float, float], *names: str) -> float:
         """The shortest way by way of some landmarks, to the last of them."""
@@ -179,6 +182,8 @@ def test_a_robot_is_come_by_again_by_a_landmark_that_shows_more(
     chain = made.chain((0.0, -12.0))
     assert chain is not None
     assert (chain.robots, chain.landmarks) == (("R1", "R3", "R2", "R4"), ("b", "c", "d"))
+    assert made.chain((0.0, -12.0), least=3) == chain
+    assert made.chain((0.0, -12.0), least=4) is None
 
 
 def test_a_landmark_is_come_to_where_the_rest_of_the_way_is_shortest(

@@ -37,8 +37,11 @@ class FreeSpace:
 
     def from_m(self, xy_m: Array) -> Array:
         """How far every point is from the one nearest to ``xy_m``: (n,), inf: not reachable."""
-        nearest = int(np.hypot(*(self.points_m - xy_m).T).argmin())
-        return np.asarray(dijkstra(self._graph, indices=nearest))
+        return np.asarray(dijkstra(self._graph, indices=self.nearest(xy_m)))
+
+    def nearest(self, xy_m: Array) -> int:
+        """The point nearest to ``xy_m``."""
+        return int(np.hypot(*(self.points_m - xy_m).T).argmin())
 
     def through_m(self, before_m: Array, zone: Ints) -> Array:
         """How far every point is by way of one of a zone's: (n,).

@@ -37,9 +37,10 @@ PLACE = "a place"  # the goal's name, where it is no object
 WAY_M = (40.0, 120.0)
 APPROACH_M = 3.0  # from a landmark's footprint; the goal is reached at this range too
 _APART_M = 2.0  # robots are not nearer to each other
+_PLACES = 100  # in a suburb, where chains of so many landmarks are asked for
 _VANTAGES = 4  # places around a landmark from which the next may be seen
 _RAYS_PER_DEG, _MOST_RISE_DEG = 2, 16.0
-_DRAWS = 2000
+_DRAWS, _DRAWS_AMONG_PLACES = 2000, 50_000
 
 
 @dataclass(frozen=True)
@@ -94,6 +95,17 @@ class _State(NamedTuple):
     landmark: int | None
 
 
+class Views:
+    """What is seen from poses, and how far all is from there: found out once for each."""
+
+    def __init__(self, truth: GroundTruth, rig: CameraRig, free: FreeSpace) -> None:
+        self.sights = sights = cache(lambda pose: Sights(truth, pose, rig))
+        self.sees = cache(lambda target, pose: truth.sees(target, pose, rig))
+        self.any_of = cache(lambda target, pose: len(truth.visibility(pose, rig, of=target)) > 0)
+        self.shared = cache(lambda a, b: shared(truth, sights(a), sights(b)))
+        self.far_m = cache(lambda pose: free.from_m(pose.xy_m))
+
+
 class Ground:
     """A scene to draw missions in; what is found out about it is kept."""
 
@@ -103,6 +115,7 @@ class Ground:
         self._pictured: dict[tuple[int, int], list[Pose]] = {}
         self._zones: dict[tuple[int, int], NDArray[np.int64]] = {}
         self._from_near: dict[tuple[int, int], frozenset[int]] = {}
+        self._places: dict[tuple[int, int], tuple[Array, Views]] = {}
 
     def draw(
         self,
@@ -115,20 +128,24 @@ class Ground:
     ) -> Mission:
         """Mission ``number`` of suburb k of a seed; MissionError if none is found.
 
-        landmarks: how many its chain needs at least; if 0, two of every third mission's.
+        landmarks: how many its chain needs at least; if 0, two of every third mission's. Long
+        chains are rare, so where they are asked for all missions of a suburb are among the same
+        ``_PLACES``, which are uniform as others are.
         """
+        places = self._places_of(seed, k) if landmarks else None
         draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
         names = robot_names(n_robots)
         goals = [] if to_places else goal_ids(self.scene, None)
         least = landmarks or (2 if number % 3 == 0 else 0)
         rejected: dict[str, int] = {}
-        for _ in range(_DRAWS):
-            found = self._draw(draws, names, goals, seed, number, least)
+        most = _DRAWS_AMONG_PLACES if places else _DRAWS
+        for _ in range(most):
+            found = self._draw(draws, names, goals, seed, number, least, places)
             if isinstance(found, Mission):
                 return replace(found, rejected=rejected)
             rejected[found] = rejected.get(found, 0) + 1
         raise MissionError(
-            f"found no mission in {self.scene.name} with {n_robots} robots in {_DRAWS} draws "
+            f"found no mission in {self.scene.name} with {n_robots} robots in {most} draws "
             f"({rejected}): try another scene, or more robots"
         )
 
@@ -140,34 +157,38 @@ class Ground:
         seed: int,
         number: int,
         least: int,
+        places: tuple[Array, Views] | None,
     ) -> "Mission | str":
         """A mission, or why it is none; without goals to choose from, to a place."""
         target = int(draws.choice(goals)) if goals else None
         n = len(names) + (target is None)
-        stand = draws.integers(len(self.free.points_m), size=n)
-        xy_m, yaws = self.free.points_m[stand], draws.uniform(-np.pi, np.pi, n)
+        if places is None:
+            stands, views = self._stands(draws, n), Views(self.truth, self.rig, self.free)
+        else:
+            stands, views = draws.choice(places[0], n, replace=False), places[1]
+        xy_m = stands[:, :2]
         away_m = np.linalg.norm(xy_m[:, None] - xy_m, axis=2)
         if (away_m[np.triu_indices(n, 1)] < _APART_M).any():
             return "robots in one place"
-        poses = [Pose(float(x), float(y), float(a)) for (x, y), a in zip(xy_m, yaws, strict=True)]
+        poses = [Pose(*map(float, stand)) for stand in stands]
         if target is None:
-            zone = stand[-1:]
+            zone = np.array([self.free.nearest(xy_m[-1])])
         else:
             zone = self.free.around(self.scene.objects[target].footprint, APPROACH_M)
-        far_m = self.free.from_m(xy_m[0])
+        far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
         if not WAY_M[0] <= way_m <= WAY_M[1]:
             return "way too short" if way_m < WAY_M[0] else "way too long"
         if target is None:
-            seen = (Sights(self.truth, pose, self.rig) for pose in (poses[0], poses[-1]))
-            in_view = bool(shared(self.truth, *seen))
+            in_view = bool(views.shared(poses[0], poses[-1]))
         else:
-            in_view = len(self.truth.visibility(poses[0], self.rig, of=target)) > 0
+            in_view = views.any_of(target, poses[0])
         if in_view:
             return "goal in view"
         team = dict(zip(names, poses, strict=False))
-        chain = self.chain(team, poses[-1] if target is None else target, far_m, zone)
-        if least and (chain is None or len(chain.landmarks) < least):
+        end = poses[-1] if target is None else target
+        chain = self.chain(team, end, far_m, zone, least, views)
+        if least and chain is None:
             return f"no chain of {least} or more"
         if target is None:
             return Mission(number, PLACE, (poses[-1],), team, way_m, chain)
@@ -178,35 +199,48 @@ class Ground:
             return "goal cannot be pictured"
         return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
 
+    def _stands(self, draws: np.random.Generator, n: int) -> Array:
+        """Free places and headings, (n, 3): metres and radians."""
+        points_m = self.free.points_m[draws.integers(len(self.free.points_m), size=n)]
+        return np.column_stack([points_m, draws.uniform(-np.pi, np.pi, n)])
+
+    def _places_of(self, seed: int, k: int) -> tuple[Array, Views]:
+        """The stands of a suburb that missions with long chains are among."""
+        if (seed, k) not in self._places:
+            stands = self._stands(generator(seed, "places of missions", k), _PLACES)
+            self._places[seed, k] = stands, Views(self.truth, self.rig, self.free)
+        return self._places[seed, k]
+
     def chain(
         self,
         poses: Mapping[str, Pose],
         target: int | Pose,
         far_m: Array,
         zone: NDArray[np.int64],
+        least: int = 0,
+        views: Views | None = None,
     ) -> TrueChain | None:
         """The chain with fewest landmarks from the first robot to the goal, or None.
 
         target: the goal, an object or a place. far_m: how far every point is from that robot; zone:
-        where the goal is reached.
+        where the goal is reached. least: None too if that chain has fewer landmarks.
         """
+        views = views or Views(self.truth, self.rig, self.free)
         first, *others = poses
         if isinstance(target, Pose):
             poses, others, last = {**poses, PLACE: target}, [*others, PLACE], {PLACE}
         else:
-            last = {n for n in others if self.truth.sees(target, poses[n], self.rig)}
-        seen = {n: Sights(self.truth, p, self.rig) for n, p in poses.items()}
+            last = {n for n in others if views.sees(target, poses[n])}
         if not last:
             return None
 
-        @cache
         def common(a: str, b: str) -> list[int]:
-            return [i for i in shared(self.truth, seen[a], seen[b]) if i != target]
+            return [i for i in views.shared(poses[a], poses[b]) if i != target]
 
         region = int(self.free.region[far_m.argmin()])
 
-        def onward(state: _State) -> Iterable[_State]:
-            for robot in others:
+        def onward(state: _State, robots: Iterable[str] = others) -> Iterable[_State]:
+            for robot in robots:
                 if robot != state.robot:
                     for i in common(*sorted((state.robot, robot))):
                         if self._leads_to(i, state, region):
@@ -219,7 +253,14 @@ class Ground:
 
         reached = [_State(first, None)]
         before: dict[_State, tuple[_State, ...]] = {reached[0]: ()}
+        n_landmarks = 0
         while reached:
+            n_landmarks += 1
+            # where a long one is asked for most have a short one: few places tell
+            if n_landmarks < least and any(
+                is_end(new) for state in reached for new in onward(state, last)
+            ):
+                return None
             ends = [state for state in reached if is_end(state)]
             if ends:
                 return self._shortest(ends, before, far_m, zone, region)
