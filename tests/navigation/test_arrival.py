@@ -1,15 +1,17 @@
 """When a robot may claim that it has arrived."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from vrchain.geometry import Pose
-from vrchain.navigation.arrival import Arrival, Suspect
+from vrchain.navigation.arrival import Arrival, Suspect, farther
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.places import Place
 from vrchain.navigation.terms import MissionConfig
@@ -176,10 +178,13 @@ def test_a_bush_before_a_wide_goal_is_gone_round(
     assert pilot.driven_to == pytest.approx(driven_to)
 
 
-@pytest.mark.parametrize("off_by", [0.9, 1.0, 1.15])
+@pytest.mark.parametrize("off_by", [0.4, 0.9, 1.0, 1.15])
 @pytest.mark.parametrize("range_m", [2.0, 6.0])
 def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: float) -> None:
-    """From how far its pictures were taken is known about."""
+    """From how far its pictures were taken is known about, or else told by how it grows.
+
+    As it was met: a store of a strange world seemed to be half as far as it was.
+    """
     goal_x_m, sights = 30.0, []
     for x_m in np.arange(0.0, 29.0 - range_m, 2.5):
         looks_m = float(goal_x_m - x_m) * off_by
@@ -193,6 +198,33 @@ def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: flo
     else:
         assert there == pytest.approx([goal_x_m, 0.0], abs=2.0)
     assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
+
+
+def _driven_to(ranges_m: Sequence[float], off_by: Sequence[float]) -> float:
+    stood = np.array([[30.0 - range_m, 0.0] for range_m in ranges_m])
+    return farther(
+        stood, np.array([[r * off, 0.0] for r, off in zip(ranges_m, off_by, strict=True)])
+    )
+
+
+@given(
+    off_by=st.floats(0.3, 2.0),
+    ranges_m=st.lists(st.floats(2.0, 25.0), min_size=3, max_size=12, unique=True),
+)
+def test_how_it_grows_never_says_more_than_how_far_it_is(
+    off_by: float, ranges_m: list[float]
+) -> None:
+    ranges_m = sorted(ranges_m, reverse=True)
+    told = _driven_to(ranges_m, [off_by] * len(ranges_m))
+    assert 1.0 <= told <= max(1.0, 1 / off_by) + 1e-6
+    assert _driven_to(ranges_m[:2], [off_by] * 2) == 1.0  # too few
+
+
+def test_how_it_grows_is_not_told_by_sizes_that_are_rough() -> None:
+    """Sizes as they are in suburbs, each off by a tenth: seldom is it said to be farther."""
+    draws = np.random.default_rng(0)
+    told = [_driven_to(np.arange(20.0, 1.0, -2.5), draws.normal(1.0, 0.1, 8)) for _ in range(500)]
+    assert np.mean(np.array(told) > 1.0) < 0.05 and max(told) < 1.2
 
 
 @pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
