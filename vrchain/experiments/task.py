@@ -9,7 +9,9 @@ from dataclasses import dataclass
 from itertools import islice, pairwise
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
+from scipy.optimize import brentq
 
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
@@ -166,8 +168,7 @@ def robot_names(n_robots: int, first: str = "R1") -> list[str]:
 def goal_poses(scene: Scene, truth: GroundTruth, target: int, seed: int) -> list[Pose]:
     """Up to four free poses, 6-15 m from an object's side, that look at it unoccluded."""
     alone = GroundTruth(Scene("alone", scene.extent_m, (scene.objects[target],)))
-    bounds_m = scene.objects[target].bounds_m[:, :2]
-    centre, half_m = bounds_m.mean(axis=0), np.ptp(bounds_m, axis=0).max() / 2
+    centre = scene.objects[target].bounds_m[:, :2].mean(axis=0)
     draws = generator(seed, "goal", target)
     offset_rad = draws.uniform(0, 2 * np.pi)
     rig, found = CameraRig(n_views=1, field_of_view_deg=110.0), list[Pose]()
@@ -177,8 +178,8 @@ def goal_poses(scene: Scene, truth: GroundTruth, target: int, seed: int) -> list
         # evenly around the object at first, anywhere if that does not work
         spread_rad = 0.2 + attempt / 40
         azimuth = offset_rad + np.pi / 2 * len(found) + draws.normal(0, spread_rad)
-        range_m = draws.uniform(*GOAL_RANGE_M) + half_m
-        x_m, y_m = centre + range_m * np.array([np.cos(azimuth), np.sin(azimuth)])
+        side_m, outward = draws.uniform(*GOAL_RANGE_M), np.array([np.cos(azimuth), np.sin(azimuth)])
+        x_m, y_m = _off(scene.objects[target].footprint, centre, outward, side_m)
         pose = Pose(float(x_m), float(y_m), float(wrap_angle_rad(azimuth + np.pi)))
         if not scene.is_free([pose.xy_m])[0]:
             continue
@@ -187,6 +188,18 @@ def goal_poses(scene: Scene, truth: GroundTruth, target: int, seed: int) -> list
         if len(seen) and seen[target] >= _UNOCCLUDED * whole[0]:
             found.append(pose)
     return found
+
+
+def _off(footprint: shapely.Geometry, centre: Points, outward: Points, side_m: float) -> Points:
+    """The place outward from a footprint's centre, (2,), that is so far off its side."""
+
+    def too_far_m(way_m: float) -> float:
+        point = shapely.Point(centre + way_m * outward)
+        return float(shapely.distance(footprint, point)) - side_m
+
+    x0, y0, x1, y1 = footprint.bounds
+    most_m = float(np.hypot(x1 - x0, y1 - y0)) + side_m
+    return np.asarray(centre + brentq(too_far_m, 0.0, most_m) * outward)
 
 
 def goal_pictures(
