@@ -27,6 +27,7 @@ def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> di
         "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
         "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
         "barred": 3, "seconds_simulated": 200.0, "wall_s": 30.0,
+        "clock_s": 500.0,
         "routes": [(0.6, False), (0.9, True)],
     }  # fmt: skip
 
@@ -51,6 +52,7 @@ def test_the_figures_of_made_up_missions() -> None:
     assert ledger["rejected_draws"] == {"way too long": 12}
     assert (ledger["replans"], ledger["legs"], ledger["barred"]) == (1, 2, 3)
     assert ledger["seconds_simulated"] == 200
+    assert ledger["wall_s_per_300_s"] == pytest.approx(18.0)
     assert [(r["n"], r["led_there"]) for r in ledger["routes"]] == [
         (0, None), (6, 0.0), (6, 1.0), (0, None),
     ]  # fmt: skip

@@ -135,8 +135,8 @@ class Suburb:
             n_published = len(known())
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds)
-        wall_s = perf_counter() - start
-        return {**row, "published": n_published, "barred": bars.rows, "wall_s": wall_s}
+        costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
+        return {**row, "published": n_published, "barred": bars.rows, **costs}
 
     def _goal(self, mission: Mission, weights: Path) -> GoalPictures:
         pictures = goal_pictures(
