@@ -256,7 +256,7 @@ class Ground:
         n_landmarks = 0
         while reached:
             n_landmarks += 1
-            # where a long one is asked for most have a short one: few places tell
+            # most have a chain that is too short: those who see the goal tell it at once
             if n_landmarks < least and any(
                 is_end(new) for state in reached for new in onward(state, last)
             ):
