@@ -5,15 +5,15 @@ ring meets something there, and the goal looks as large as it should.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.eyes import Look
-from vrchain.navigation.goal import BY_CHANCE, GoalSight, KnownGoal
+from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.places import Place, sighted
+from vrchain.navigation.suspects import SHAPE_M, Suspect
 from vrchain.navigation.terms import Log
 
 _DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again
@@ -25,41 +25,18 @@ _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
-_SHAPE_M = 5.0  # sights from nearer show no shape
-_AGREE = 2  # sights from farther, at least, that a plain goal is known by
-_ANEW_M = 0.5  # from each other, and it is another sight
-_RICH = 300  # keypoints on a goal in a picture, from which it is no plain thing
 _NEARLY_M = 2.2  # a goal may be so far away that can be got no nearer
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
 _STEPS_ROUND = 10  # round that
-# To where it looks to be, by so many of the latest sights. Where 15 missions arrived in suburbs of
-# seed 1338, some 1 m from it, it looked to be 0.6 to 3.4 m away, 2 m on average.
-_LOOKS_FAR_M, _LATELY = 3.5, 3
-# How large it looks tells how far it is to a share and some metres more. On 128 approaches in
-# suburbs of seeds 1341 and 1342 it was said to be farther than that 13 times in 517, by a fifth at
-# most.
-_GREW, _SIZE_STD, _SIZE_STD_M = 3, 0.1, 0.3  # in so many sights, at least
+# To where it looks to be. Where 15 missions arrived in suburbs of seed 1338, some 1 m from it, it
+# looked to be 0.6 to 3.4 m away, 2 m on average.
+_LOOKS_FAR_M = 3.5
 _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
 _SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
-_SIDE_RAD = 0.8  # sights in directions so far apart show one side of it
-
-
-@dataclass(frozen=True, eq=False)
-class Suspect:
-    """What may be the goal: its nearest side, and the chance that it is.
-
-    sights: the robot's own, and by odometry from where; against: glances from near that did not
-    show it.
-    """
-
-    place: Place
-    chance: float
-    sights: tuple[tuple[Pose, GoalSight], ...] = ()
-    against: int = 0
 
 
 class Arrival:
@@ -110,17 +87,17 @@ class Arrival:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
         self._begin(suspect)
         suspect = self._close_in(suspect)
-        if not self._is_sure(suspect) and self._is_likely(suspect):
+        if not suspect.is_sure(self.pilot.config) and self._is_likely(suspect):
             self.log("circle", "it has not looked enough like the goal yet: from other sides")
             suspect = replace(suspect, against=0)
             for seen in self._sides(suspect):
                 suspect = seen
-                if self._is_sure(suspect):
+                if suspect.is_sure(self.pilot.config):
                     suspect = self._close_in(suspect)
                     break
                 if suspect.against >= _AGAINST:
                     break
-        if not self._is_sure(suspect):
+        if not suspect.is_sure(self.pilot.config):
             self.log("doubt", "it never looked enough like the goal's pictures")
             if suspect.sights:
                 near = suspect.place.range_m(self.pilot.here) < NEAR_M
@@ -141,13 +118,9 @@ class Arrival:
         """On to where it is by its size, while it looks farther than what was met, or none was."""
         for _ in range(tries):
             suspect = self._seen_around(suspect)
-            there = self._behind_this(suspect)
+            there = self._onward(suspect)
             if there is None:
-                by_size, range_m = self._by_size(suspect), suspect.place.range_m(self.pilot.here)
-                came = range_m <= self.pilot.config.arrival_m
-                if by_size is None or not came or self._is_there(suspect):
-                    break
-                there = by_size[0]  # nothing is where it was believed to be
+                break
             self.log("farther", "it does not look large enough: it must be behind this")
             before, behind = self.pilot.here, replace(suspect, place=_about(there))
             suspect = self._close_in(behind)
@@ -155,12 +128,20 @@ class Arrival:
                 return behind  # from another side, then
         return suspect
 
+    def _onward(self, suspect: Suspect) -> Array | None:
+        """Where it is by its size, (2,), if that is not here or nothing is here; else None."""
+        by_size, there = suspect.by_size(), self._behind_this(suspect)
+        if there is not None or by_size is None or self._is_there(suspect):
+            return there
+        came = suspect.place.range_m(self.pilot.here) <= self.pilot.config.arrival_m
+        return by_size[0] if came else None
+
     def _is_there(self, suspect: Suspect) -> bool:
         """Whether the robot has got as near to it as may be, and it is as large as it should be.
 
         It may be nearer than it is believed: what is in the way to it is its own wall, then.
         """
-        by_size = self._by_size(suspect)
+        by_size = suspect.by_size()
         places = [suspect.place] if by_size is None else [suspect.place, _about(by_size[0])]
         at = any(self._is_at(place, _NEARLY_M) for place in places)
         return at and self._behind_this(suspect) is None
@@ -194,33 +175,12 @@ class Arrival:
         """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
         return not self.was_mistaken(self._place_of(sight))
 
-    def _is_sure(self, suspect: Suspect) -> bool:
-        """Whether arrival may be claimed there: more is seen of it than of a house of its make.
-
-        Such a house shows as much as a plain goal in a sight now and then, a goal in most.
-        """
-        config = self.pilot.config
-        sights = [sight for _, sight in suspect.sights if sight.chance >= config.sure_chance]
-        shapes = [sight for sight in sights if sight.surface_m >= _SHAPE_M]
-        many = any(sight.n_matches - BY_CHANCE >= config.sure_matches for sight in sights)
-        if many and any(sight.looks >= config.sure_looks for sight in shapes):
-            return True
-        n_seen = sum(sight.surface_m >= _SHAPE_M for _, sight in suspect.sights)
-        return len(shapes) >= max(_AGREE, n_seen / 2) and any(map(self._is_surest, shapes))
-
-    def _is_surest(self, sight: GoalSight) -> bool:
-        """Whether it looks like nothing but the goal, and shows enough of it, however plain."""
-        config = self.pilot.config
-        rich = min(1.0, sight.n_shown / _RICH) if sight.n_shown else 1.0
-        least = max(config.least_matches, config.surest_matches * rich)
-        return sight.n_matches - BY_CHANCE >= least and sight.looks >= config.surest_looks
-
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
 
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
         """One more sight of it; a second one from one place tells nothing new."""
-        if not self._is_anew(suspect):
+        if not suspect.is_anew(self.pilot.here):
             return replace(suspect, chance=max(suspect.chance, sight.chance))
         return replace(
             suspect,
@@ -228,11 +188,6 @@ class Arrival:
             chance=max(suspect.chance if suspect.sights else 0.0, sight.chance),
             sights=(*suspect.sights, (self.pilot.here, sight)),
         )
-
-    def _is_anew(self, suspect: Suspect) -> bool:
-        """Whether it was not seen from here before."""
-        here = self.pilot.here
-        return all(stood.distance_to_m(here.xy_m) >= _ANEW_M for stood, _ in suspect.sights)
 
     def _close_in(self, suspect: Suspect) -> Suspect:
         """Drive up to its side, with a glance every few metres, unless it turns out to be none."""
@@ -272,7 +227,7 @@ class Arrival:
         sight = self.goal.find(look, bearing, window_rad)
         missed = sight is None or sight.chance < _DOUBT_CHANCE
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
-            if not _SHAPE_M < range_m < NEAR_M:
+            if not SHAPE_M < range_m < NEAR_M:
                 return suspect
             chance = _AGAIN * suspect.chance
             return replace(suspect, chance=chance, against=suspect.against + 1)
@@ -282,7 +237,7 @@ class Arrival:
         """What is seen of it from places around it, from one after the other."""
         pilot = self.pilot
         away = suspect.place.xy_m - pilot.here.xy_m
-        half_m = max(_HALF_M, _width_m(suspect) / 2)
+        half_m = max(_HALF_M, suspect.width_m / 2)
         middle = suspect.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1)
         first = np.arctan2(*(pilot.here.xy_m - middle)[::-1])
         for turn in _SIDES:
@@ -316,7 +271,7 @@ class Arrival:
         bearing = place.bearing_rad(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
-        if ahead_m + _THIN_M < front_m < pilot.ways.reach_m and _width_m(suspect) >= _WIDE_M:
+        if ahead_m + _THIN_M < front_m < pilot.ways.reach_m and suspect.width_m >= _WIDE_M:
             self.log("round", "something narrow stands before it")
             there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):
@@ -345,13 +300,17 @@ class Arrival:
         look = self.pilot.look_around()
         bearing_rad = suspect.place.bearing_rad(self.pilot.here)
         sight = self.goal.find(look, bearing_rad, _BESIDE_RAD)
-        if sight is None or sight.chance < self.pilot.config.likely or not self._is_anew(suspect):
+        if (
+            sight is None
+            or sight.chance < self.pilot.config.likely
+            or not suspect.is_anew(self.pilot.here)
+        ):
             return suspect
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
     def _behind_this(self, suspect: Suspect) -> Array | None:
         """Where its side is, (2,), by how large it looked lately, if that is not here."""
-        by_size = self._by_size(suspect)
+        by_size = suspect.by_size()
         if by_size is None:
             return None
         there, away = by_size
@@ -359,52 +318,10 @@ class Arrival:
         beyond = float(np.hypot(*onward)) > _LOOKS_FAR_M and float(onward @ away) > 0
         return there if beyond else None
 
-    def _by_size(self, suspect: Suspect) -> tuple[Array, Array] | None:
-        """Where its side is by how large it looked lately, (2,), and its way there as last seen."""
-        sized = [(here, sight) for here, sight in suspect.sights if sight.sized]
-        if not sized:
-            return None
-        course = np.array([here.yaw_rad + sight.bearing_rad for here, sight in sized])
-        side = np.abs(wrap_angle_rad(course - course[-1])) < _SIDE_RAD
-        stood = np.array([here.xy_m for here, _ in sized])[side]
-        range_m = np.array([sight.surface_m for _, sight in sized])
-        away = (range_m * np.stack([np.cos(course), np.sin(course)])).T[side]
-        away = away * farther(stood, away)
-        return np.median((stood + away)[-_LATELY:], axis=0), away[-1]
-
-
-def farther(stood: Array, away: Array) -> float:
-    """How many times farther a thing surely is than its size told, by how that grew on the way.
-
-    stood, away: from where it was seen, and where it seemed to be from there, (n, 2) each. What
-    seems to go back before the robot is larger than was supposed: least squares for where it is
-    and for that share, less two standard deviations. 1: nothing speaks for more.
-    """
-    n = len(stood)
-    if n < _GREW:
-        return 1.0
-    weight = np.repeat(1 / (_SIZE_STD_M + _SIZE_STD * np.hypot(*away.T)), 2)
-    known = np.column_stack([np.tile(np.eye(2), (n, 1)), -away.ravel()]) * weight[:, None]
-    asked = stood.ravel() * weight
-    spread = np.linalg.pinv(known.T @ known)
-    fitted = spread @ known.T @ asked
-    off = float(((known @ fitted - asked) ** 2).sum()) / (2 * n - 3)
-    return float(max(1.0, fitted[2] - 2 * np.sqrt(max(1.0, off) * spread[2, 2])))
-
 
 def _about(xy_m: Array) -> Place:
     """A place known to some 2 m."""
     return Place(xy_m, 4.0 * np.eye(2))
-
-
-def _width_m(suspect: Suspect) -> float:
-    """How wide it looks from where its shape is seen, none if it was not."""
-    widths = [
-        2 * np.tan(min(sight.half_width_rad, 1.0)) * sight.surface_m
-        for _, sight in suspect.sights
-        if sight.surface_m >= _SHAPE_M
-    ]
-    return float(np.median(widths)) if widths else 0.0
 
 
 def _near(known_xy_m: list[Array], place: Place) -> bool:

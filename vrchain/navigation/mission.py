@@ -13,7 +13,7 @@ import numpy as np
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.index import LandmarkIndex
-from vrchain.navigation.arrival import NEAR_M, Arrival, Suspect
+from vrchain.navigation.arrival import NEAR_M, Arrival
 from vrchain.navigation.doubts import SAME_M, Doubts, Driven
 from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.exploring import Explorer
@@ -23,6 +23,7 @@ from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
 from vrchain.navigation.places import Place
 from vrchain.navigation.route import LandmarkKey, Leg, Plan, Route, plan
 from vrchain.navigation.stands import SURE
+from vrchain.navigation.suspects import Suspect
 from vrchain.navigation.targets import targets
 from vrchain.navigation.terms import (
     Body,

@@ -10,12 +10,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrchain.homing import HomeVector, home_vector
-from vrchain.navigation.arrival import Arrival, Suspect
+from vrchain.navigation.arrival import Arrival
 from vrchain.navigation.driving import Pilot
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalSight, any_sight
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.stands import baseline_m
+from vrchain.navigation.suspects import Suspect
 from vrchain.navigation.terms import Log
 
 _HOMES_M = 8.0  # from so near, homing is believed
