@@ -74,6 +74,7 @@ class Simulator:
         self.scene, self.seed = scene, seed
         self.rig, self.noise = rig or CameraRig(), noise or SensorNoise()
         self.clock_ns = 0
+        self._steps_ns = [0]
         self._bodies: dict[str, _Body] = {}
         for name, pose in poses.items():
             self.put(name, pose)
@@ -120,6 +121,11 @@ class Simulator:
         """True positions at the start and after every step, (n, 2) float."""
         return np.array(self._body(robot).path)
 
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """When those positions were, (n,) float, of a robot that was there from the start."""
+        return np.array(self._steps_ns) / 1e9
+
     def collisions(self, robot: str) -> int:
         """How often the robot has driven into something; once a contact, however long it pushes."""
         return self._body(robot).collisions
@@ -142,6 +148,7 @@ class Simulator:
         for body in self._bodies.values():
             body.path.append((body.pose.x_m, body.pose.y_m))
         self.clock_ns += round(duration_s * 1e9)
+        self._steps_ns.append(self.clock_ns)
 
     def observe(
         self, robot: str, *, look: bool = False, towards_rad: float | None = None

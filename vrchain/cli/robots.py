@@ -102,6 +102,7 @@ def navigate(
     from vrchain.experiments import mission
     from vrchain.navigation.terms import Decision
     from vrchain.plots.mission import save_pictures
+    from vrchain.plots.replay import mission_gif
     from vrchain.scene import load_scene
 
     def tell(decision: Decision) -> None:
@@ -116,6 +117,7 @@ def navigate(
         )
         mission.save_log(run, folder)
         save_pictures(run, folder)
+        (folder / "mission.gif").write_bytes(mission_gif(run))
     summary = run.summary()
     if as_json:
         print(json.dumps(summary))

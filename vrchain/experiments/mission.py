@@ -36,7 +36,8 @@ class MissionRun:
     """A mission as it was driven, and what truth says of it.
 
     arrived: the robot's own claim. success: it is so. range_m: from the goal's footprint at the
-    end. paths_xy_m: true positions of each robot, (n, 2).
+    end. paths_xy_m: true positions of each robot, (n, 2), at times_s, (n,), by the clock of the
+    decisions.
     """
 
     scene: Scene
@@ -46,6 +47,7 @@ class MissionRun:
     pictures: tuple[Panorama, ...]
     panoramas: dict[str, Panorama]
     paths_xy_m: dict[str, NDArray[np.float64]]
+    times_s: NDArray[np.float64]
     final_pose: Pose
     success: bool
     range_m: float
@@ -122,6 +124,7 @@ def run(
         tuple(pictures),
         panoramas,
         {n: simulator.path_xy_m(n) for n in simulator.robots},
+        simulator.times_s,
         pose,
         result.arrived and at_goal,
         range_m,

@@ -27,6 +27,7 @@ KIND_COLOURS = {
     "wall": "#3a3a3a",
 }
 _OTHER_COLOUR = "#b0005a"
+LABEL_BOX = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 _THIN = ("hedge", "fence", "wall")  # drawn at least so wide that their colour shows
 
 
@@ -99,12 +100,7 @@ def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2
         fontweight="bold",
         color=colour,
         zorder=7,
-        bbox={
-            "boxstyle": "round,pad=0.15",
-            "facecolor": "white",
-            "edgecolor": "none",
-            "alpha": 0.8,
-        },
+        bbox=LABEL_BOX,
     )
 
 

@@ -1,6 +1,7 @@
 """A mission in pictures: the map with the driven path, and what each decision rested on."""
 
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -14,18 +15,30 @@ from vrchain.landmarks.common import Region
 from vrchain.navigation.route import Route
 from vrchain.navigation.terms import robot_of
 from vrchain.panorama import Panorama, encode_png
-from vrchain.plots.maps import ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
+from vrchain.plots.maps import LABEL_BOX, ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
 from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
 from vrchain.plots.save import png_bytes
 
 _GOAL_COLOUR = "#ff2d95"
 _LABEL_DEG = 5.0  # of height above a box; a label that has less room is put inside
-_LABEL = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
+
+
+class Row(NamedTuple):
+    """A panorama; marks: label, colour and region of what is to be pointed out in it."""
+
+    title: str
+    panorama: Panorama
+    marks: tuple[tuple[str, str, Region], ...] = ()
 
 
 def save_pictures(run: MissionRun, folder: Path) -> None:
-    """mission.png, goal_N.png (what the robot was given) and plan_P_leg_L.png (its landmark)."""
+    """What decisions rest on: goal_N.png as given, look_K.jpg, plan_P_leg_L.png; mission.png."""
+    from PIL import Image
+
     (folder / "mission.png").write_bytes(png_bytes(mission_figure(run)))
+    for k in sorted({d.look for d in run.result.decisions if d.look is not None}):
+        cylinder = Image.fromarray(run.result.looks[k].cylinder)
+        cylinder.save(folder / f"look_{k}.jpg", quality=85)
     for number, picture in enumerate(run.pictures, 1):
         (folder / f"goal_{number}.png").write_bytes(encode_png(picture.views[0]))
     for plan_number, (look, route) in enumerate(run.result.plans, 1):
@@ -44,16 +57,15 @@ def mission_figure(run: MissionRun) -> Figure:
     figure = Figure(figsize=(15, 7.2), layout="constrained")
     grid = figure.add_gridspec(1, 2, width_ratios=[1, 1.55])
     draw_mission_map(figure.add_subplot(grid[0]), run)
-    rows = _chain_rows(run)
+    rows = chain_rows(run, *run.result.plans[-1]) if run.result.plans else []
+    if run.result.looks:
+        rows.append(Row(f"{run.robot}'s last look around", run.result.looks[-1]))
     right = grid[1].subgridspec(max(len(rows), 3), 1)  # one alone would be drawn out of shape
-    for i, (title, panorama, marks) in enumerate(rows):
+    for i, row in enumerate(rows):
         axes = figure.add_subplot(right[i])
-        show_panorama(axes, panorama)
+        draw_row(axes, row)
         if i < len(rows) - 1:
             axes.set_xlabel("")
-        axes.set_title(title, fontsize=10, loc="left")
-        for label, colour, region in marks:
-            _mark(axes, panorama, region, label, colour)
     outcome = "arrived" if run.result.arrived else f"gave up: {run.result.reason}"
     figure.suptitle(
         f"{run.robot} looks for {run.task.goal}: {outcome} ({run.range_m:.1f} m from it)",
@@ -63,7 +75,20 @@ def mission_figure(run: MissionRun) -> Figure:
 
 
 def draw_mission_map(axes: Axes, run: MissionRun) -> None:
-    """Places of the team, the goal, and the robots' paths."""
+    """The goal, the team where it ended, and the robots' paths."""
+    draw_stage(axes, run)
+    for index, (name, place) in enumerate(run.task.places.items()):
+        path = run.paths_xy_m[name]
+        colour = ROBOT_COLOURS[index % len(ROBOT_COLOURS)]
+        axes.plot(*path.T, color=colour, lw=2.2 if name == run.robot else 1.0, zorder=5)
+        at = place if name == run.robot else _last_pose(run, name)
+        draw_robot(axes, name, at, colour, size_m=0.9)
+    axes.plot(*run.final_pose.xy_m, "o", color=ROBOT_COLOURS[0], mec="white", ms=9, zorder=7)
+    axes.set_title(f"path of {run.robot} (thick; dot: its end)", fontsize=10)
+
+
+def draw_stage(axes: Axes, run: MissionRun) -> None:
+    """The scene around places, path and goal, and the goal marked."""
     draw_scene(axes, run.scene)
     goal = run.scene.objects[run.scene.index_of(run.task.goal)]
     x0, y0 = goal.bounds_m[0][:2]
@@ -73,19 +98,11 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
     )
     axes.annotate(
         "goal", (x0 + width / 2, y0 + height / 2), ha="center", va="center", zorder=8,
-        color=_GOAL_COLOUR, fontweight="bold", bbox=_LABEL,
+        color=_GOAL_COLOUR, fontweight="bold", bbox=LABEL_BOX,
     )  # fmt: skip
-    for index, (name, place) in enumerate(run.task.places.items()):
-        path = run.paths_xy_m[name]
-        colour = ROBOT_COLOURS[index % len(ROBOT_COLOURS)]
-        axes.plot(*path.T, color=colour, lw=2.2 if name == run.robot else 1.0, zorder=5)
-        at = place if name == run.robot else _last_pose(run, name)
-        draw_robot(axes, name, at, colour, size_m=0.9)
-    axes.plot(*run.final_pose.xy_m, "o", color=ROBOT_COLOURS[0], mec="white", ms=9, zorder=7)
     places = np.array([p.xy_m for p in run.task.places.values()])
     corners = goal.bounds_m[:, :2]
     zoom_to(axes, np.concatenate([places, corners, run.paths_xy_m[run.robot]]), margin_m=4.0)
-    axes.set_title(f"path of {run.robot} (thick; dot: its end)", fontsize=10)
 
 
 def paths_table(run: MissionRun) -> pd.DataFrame:
@@ -99,22 +116,27 @@ def paths_table(run: MissionRun) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _chain_rows(run: MissionRun) -> list[tuple[str, Panorama, list[tuple[str, str, Region]]]]:
-    rows: list[tuple[str, Panorama, list[tuple[str, str, Region]]]] = []
-    if run.result.plans:
-        look, route = run.result.plans[-1]
-        for i, name in enumerate(route.robots):
-            marks = []
-            if i > 0:
-                marks.append((f"L{i}{i + 1}", _colour(i - 1), route.legs[i - 1].landmark.b))
-            if i < len(route.legs):
-                marks.append((f"L{i + 1}{i + 2}", _colour(i), route.legs[i].landmark.a))
-            if name == route.seen_by:
-                marks.append(("goal", _GOAL_COLOUR, _goal_region(route)))
-            rows.append((f"{name} sees", _seen(run, name, look), marks))
-    if run.result.looks:
-        rows.append((f"{run.robot}'s last look around", run.result.looks[-1], []))
+def chain_rows(run: MissionRun, look: int, route: Route) -> list[Row]:
+    """What each robot of a plan saw, with the landmarks that it has in common with the next."""
+    rows = []
+    for i, name in enumerate(route.robots):
+        marks = []
+        if i > 0:
+            marks.append((f"L{i}{i + 1}", _colour(i - 1), route.legs[i - 1].landmark.b))
+        if i < len(route.legs):
+            marks.append((f"L{i + 1}{i + 2}", _colour(i), route.legs[i].landmark.a))
+        if name == route.seen_by:
+            marks.append(("goal", _GOAL_COLOUR, _goal_region(route)))
+        rows.append(Row(f"{name} sees", _seen(run, name, look), tuple(marks)))
     return rows
+
+
+def draw_row(axes: Axes, row: Row) -> None:
+    """A panorama with what is marked in it."""
+    show_panorama(axes, row.panorama)
+    axes.set_title(row.title, fontsize=10, loc="left")
+    for label, colour, region in row.marks:
+        _mark(axes, row.panorama, region, label, colour)
 
 
 def _colour(leg: int) -> str:
