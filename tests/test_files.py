@@ -302,8 +302,10 @@ def test_results_of_other_code_have_another_name(tmp_path: Path) -> None:
         write_file(tmp_path / name, b"1")
     before = digest()
     write_file(tmp_path / "cli" / "main.py", b"2")
-    write_file(tmp_path / "notes.txt", b"2")
+    write_file(tmp_path / "navigation" / "__pycache__" / "driving.pyc", b"2")
     assert digest() == before
-    write_file(tmp_path / "navigation" / "driving.py", b"2")
-    assert digest() != before
+    for name in ("navigation/driving.py", "landmarks/weights.json", "render/panorama.frag"):
+        write_file(tmp_path / name, b"2")
+        assert digest() != before
+        before = digest()
     assert len(code_digest()) == 64

@@ -21,16 +21,16 @@ def name_of(asked: object) -> str:
 
 
 def code_digest() -> str:
-    """Of the package's code, pictures and the command line aside: other code, other results."""
+    """Of the package, pictures and the command line aside: another one, other results."""
     return _digest_of(Path(__file__).parent)
 
 
 @functools.cache
 def _digest_of(package: Path) -> str:
     told = hashlib.sha256()
-    for file in sorted(package.rglob("*.py")):
+    for file in sorted(filter(Path.is_file, package.rglob("*"))):
         own = file.relative_to(package)
-        if own.parts[0] not in _SHOWS:
+        if own.parts[0] not in _SHOWS and "__pycache__" not in own.parts:
             told.update(f"{own.as_posix()} {file.stat().st_size}\n".encode() + file.read_bytes())
     return told.hexdigest()
 

@@ -1,7 +1,8 @@
 import numpy as np
 import pandas as pd
+import pytest
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, share
 
 
 def test_sums_are_by_suburb_and_none_is_left_out() -> None:
@@ -20,3 +21,26 @@ def test_a_share_lies_in_its_interval_and_the_interval_in_the_suburbs() -> None:
 def test_nothing_to_divide_by_is_no_share() -> None:
     none = np.zeros(2)
     assert ratio("x", none, none, resampled(2, 0, "test")) == {"x": None, "x_ci": None}
+
+
+def test_intervals_hold_the_truth_nearly_as_often_as_they_say() -> None:
+    """Means of ten: a bootstrap's own percentiles hold it in nine cases of ten."""
+    draws, one = np.random.default_rng(0), np.ones(10)
+    held = 0
+    for k in range(400):
+        low, high = ratio("x", draws.normal(size=10), one, resampled(10, k % 20, "test"))["x_ci"]
+        held += low <= 0 <= high
+    assert 0.92 < held / 400 < 0.97
+
+
+@pytest.mark.parametrize(("hits", "low", "high"), [(10, 0.692, 1.0), (0, 0.0, 0.308)])
+def test_all_or_none_of_ten_is_no_certainty(hits: int, low: float, high: float) -> None:
+    """Ends of the exact interval, as tables give them."""
+    found = share("x", np.full(10, hits / 10), np.ones(10), resampled(10, 0, "test"))
+    assert found["x"] == hits / 10 and found["x_ci"] == pytest.approx([low, high], abs=1e-3)
+
+
+def test_a_share_of_some_is_a_ratio() -> None:
+    top, bottom, again = np.array([1.0, 2.0, 2.0]), np.full(3, 2.0), resampled(3, 0, "test")
+    assert share("x", top, bottom, again) == ratio("x", top, bottom, again)
+    assert share("x", 0 * top, 0 * top, again) == {"x": None, "x_ci": None}

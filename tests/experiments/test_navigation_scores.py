@@ -26,7 +26,7 @@ def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> di
         "arrived": success if arrived is None else arrived, "success": success, "reason": "",
         "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
         "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
-        "barred": 3, "seconds_simulated": 200.0, "wall_s": 30.0,
+        "to_landmarks": 1, "barred": 3, "seconds_simulated": 200.0, "wall_s": 30.0,
         "clock_s": 500.0,
         "routes": [(0.6, False), (0.9, True)],
     }  # fmt: skip
@@ -50,7 +50,8 @@ def test_the_figures_of_made_up_missions() -> None:
     assert low <= ledger["success"] <= high
     assert ledger["chain_lengths"] == {"0": 2, "1": 2, "2": 2}
     assert ledger["rejected_draws"] == {"way too long": 12}
-    assert (ledger["replans"], ledger["legs"], ledger["barred"]) == (1, 2, 3)
+    assert [ledger[name] for name in ("replans", "legs", "to_landmarks", "barred")] == [1, 2, 1, 3]
+    assert ledger["success_150_s_ci"] == pytest.approx([0.0, 0.459], abs=1e-3)  # exact: 0 of 6
     assert ledger["seconds_simulated"] == 200
     assert ledger["wall_s_per_300_s"] == pytest.approx(18.0)
     assert [(r["n"], r["led_there"]) for r in ledger["routes"]] == [
@@ -68,10 +69,12 @@ def test_what_came_of_routes_is_read_from_the_log() -> None:
         return [{"what": what, "values": {"trust": k / 10}} for k, what in enumerate(said)]
 
     driven = ("no route", "route", "leg", "route", "plan again")
-    assert routes_of(log(*driven, "route", "approach", "arrived")) == [(0.1, False), (0.5, True)]
+    arrived = log(*driven, "route", "approach", "arrived")
+    assert routes_of(arrived, success=True) == [(0.1, False), (0.5, True)]
+    assert routes_of(arrived, success=False) == [(0.1, False), (0.5, False)]  # somewhere else
     refuted = ("route", "doubt", "plan again")
-    assert routes_of(log(*refuted, "route", "approach")) == []  # not driven; broken off
-    assert routes_of(log(*refuted, "route", "approach", "gave up")) == [(0.3, False)]
+    assert routes_of(log(*refuted, "route", "approach"), False) == []  # not driven; broken off
+    assert routes_of(log(*refuted, "route", "approach", "gave up"), False) == [(0.3, False)]
 
 
 def test_without_any_chain_what_is_given_a_chain_is_null() -> None:

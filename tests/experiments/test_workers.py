@@ -63,7 +63,10 @@ def test_nothing_temporary_is_left_of_what_was_broken_off(tmp_path: Path) -> Non
     assert any(told) and not any(Path(folder).exists() for folder in told if folder)
 
 
-def test_ctrl_c_ends_all(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "how", [signal.SIGINT, signal.SIGTERM, signal.SIGKILL], ids=["Ctrl-C", "ended", "killed"]
+)
+def test_whatever_ends_it_ends_all(how: signal.Signals, tmp_path: Path) -> None:
     code = (
         "import signal; from functools import partial; from pathlib import Path\n"
         "from test_workers import fail\n"
@@ -84,12 +87,24 @@ def test_ctrl_c_ends_all(tmp_path: Path) -> None:
         deadline_s = time.monotonic() + 60
         while len(list(tmp_path.iterdir())) < 2 and time.monotonic() < deadline_s:
             time.sleep(0.05)
-        os.killpg(process.pid, signal.SIGINT)  # as a terminal does: to all of them
+        if how == signal.SIGINT:
+            os.killpg(process.pid, how)  # as a terminal does: to all of them
+        else:
+            process.send_signal(how)
         assert process.wait(timeout=60) != 0
     finally:
         process.kill()
     workers = [int(file.read_text()) for file in tmp_path.iterdir()]
     assert len(workers) == 2
-    for worker in workers:
-        with pytest.raises(ProcessLookupError):
-            os.kill(worker, 0)
+    deadline_s = time.monotonic() + 10
+    while any(map(_lives, workers)) and time.monotonic() < deadline_s:
+        time.sleep(0.05)
+    assert not any(map(_lives, workers))
+
+
+def _lives(worker: int) -> bool:
+    try:
+        status = Path(f"/proc/{worker}/stat").read_text()
+    except FileNotFoundError:
+        return False
+    return status.rpartition(")")[2].split()[0] != "Z"  # or nobody has asked how it ended

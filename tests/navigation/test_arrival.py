@@ -146,13 +146,31 @@ def test_from_another_side_it_is_looked_at_before_it_is_claimed(
     before = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
     beside: list[Suspect] = []
 
-    def sides(suspect: Suspect) -> Iterator[Suspect]:
+    def sides(suspect: Suspect) -> Iterator[Place]:
         beside.append(before)
-        yield before
+        yield before.place
 
     monkeypatch.setattr(ours, "_sides", sides)
     monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: bool(beside))
     assert ours.drive_to(before) == arrives and beside
+
+
+@pytest.mark.parametrize("unsure", [1, 2])
+def test_what_is_no_longer_sure_is_not_claimed(
+    unsure: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Surely the goal by two sights of so many more; a look from where it stands is unsure too."""
+    good = GoalSight(0.0, 8.0, 8.0, 0.2, 20, 3.4, 0.9)
+    poor = replace(good, n_matches=5, looks=2.6, chance=0.6)
+    goal = SimpleNamespace(find=lambda *asked, **fair: poor)
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    seen = tuple((Pose(-x_m, 0.0), s) for x_m, s in enumerate([good, good] + [poor] * unsure, 2))
+    at = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.9, seen)
+    assert at.is_sure(MissionConfig())
+    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
+    monkeypatch.setattr(ours, "_sides", lambda suspect: iter(()))
+    assert ours.drive_to(at) == (unsure == 1)
+    assert ours.was_mistaken(at.place) == (unsure == 2)
 
 
 def test_how_far_it_is_is_told_by_the_side_in_front() -> None:

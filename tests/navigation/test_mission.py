@@ -25,7 +25,8 @@ from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
 from vrchain.navigation.eyes import Eyes, Look
-from vrchain.navigation.goal import GoalPictures
+from vrchain.navigation.goal import GoalPictures, GoalSight
+from vrchain.navigation.graph import landmark_graph
 from vrchain.navigation.mission import (
     MissionResult,
     _is_idle,
@@ -34,7 +35,7 @@ from vrchain.navigation.mission import (
     run_mission,
 )
 from vrchain.navigation.places import Place
-from vrchain.navigation.route import Leg, Route
+from vrchain.navigation.route import Leg, Plan, Route
 from vrchain.navigation.terms import (
     Decision,
     MissionConfig,
@@ -42,6 +43,7 @@ from vrchain.navigation.terms import (
     panorama_name,
     robot_of,
 )
+from vrchain.navigation.tracker import Tracker
 
 QUICK = MissionConfig(limit_s=200.0, explores=False)
 PATIENT = MissionConfig(explores=False)
@@ -537,3 +539,19 @@ def test_who_lies_about_its_way_misleads_to_no_arrival_and_nobody_who_has_anothe
         assert near == result.arrived, result.reason
         arrived[others] = result.arrived
     assert arrived["R2", "R3"]
+
+
+@pytest.mark.parametrize(("seen", "leads"), [("blocked", False), ("a better plan", True)])
+def test_a_better_route_seen_on_the_way_to_a_lookout_is_followed(
+    seen: str, leads: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    better = Plan(None, (), landmark_graph(["R1"], [], {}), {}, ())
+    ours = object.__new__(_Mission)
+    ours.config, followed = MissionConfig(), []
+    monkeypatch.setattr(ours, "log", lambda *said: None, raising=False)
+    monkeypatch.setattr(ours, "approach", lambda *asked: better if leads else seen)
+    monkeypatch.setattr(ours, "follow", lambda plan: followed.append(plan) or True)
+    lookout = Tracker.of_place("where R2 looked around", Place(np.zeros(2), np.eye(2)), CALIBRATION)
+    route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5)
+    assert ours.from_lookout(lookout, route) == leads
+    assert followed == [better] * leads

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from vrchain.geometry import Pose
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.places import Place
-from vrchain.navigation.suspects import Suspect, farther
+from vrchain.navigation.suspects import Suspect, by_growth
 from vrchain.navigation.terms import MissionConfig
 
 
@@ -82,7 +82,7 @@ def test_never_seen_is_never_sure() -> None:
 
 def _driven_to(ranges_m: Sequence[float], off_by: Sequence[float]) -> float:
     stood = np.array([[30.0 - range_m, 0.0] for range_m in ranges_m])
-    return farther(
+    return by_growth(
         stood, np.array([[r * off, 0.0] for r, off in zip(ranges_m, off_by, strict=True)])
     )
 
@@ -91,12 +91,13 @@ def _driven_to(ranges_m: Sequence[float], off_by: Sequence[float]) -> float:
     off_by=st.floats(0.3, 2.0),
     ranges_m=st.lists(st.floats(2.0, 25.0), min_size=3, max_size=12, unique=True),
 )
-def test_how_it_grows_never_says_more_than_how_far_it_is(
+def test_growth_tells_no_more_than_how_far_it_is_and_no_less(
     off_by: float, ranges_m: list[float]
 ) -> None:
     ranges_m = sorted(ranges_m, reverse=True)
     told = _driven_to(ranges_m, [off_by] * len(ranges_m))
-    assert 1.0 <= told <= max(1.0, 1 / off_by) + 1e-6
+    low, high = sorted([1.0, 1 / off_by])
+    assert low - 1e-6 <= told <= high + 1e-6
     assert _driven_to(ranges_m[:2], [off_by] * 2) == 1.0  # too few
 
 
@@ -104,4 +105,11 @@ def test_how_it_grows_is_not_told_by_sizes_that_are_rough() -> None:
     """Sizes as they are in suburbs, each off by a tenth: seldom is it said to be farther."""
     draws = np.random.default_rng(0)
     told = [_driven_to(np.arange(20.0, 1.0, -2.5), draws.normal(1.0, 0.1, 8)) for _ in range(500)]
-    assert np.mean(np.array(told) > 1.0) < 0.05 and max(told) < 1.2
+    assert np.mean(np.array(told) > 1.0) < 0.05 and 0.8 < min(told) <= max(told) < 1.2
+
+
+def test_what_comes_to_meet_the_robot_is_nearer_than_its_size_says() -> None:
+    """A house whose pictures were taken from nearer than was supposed; three sights tell little."""
+    far, near = ([20.0, 17.0, 14.0], [20.0, 17.0, 14.0, 11.0, 8.0, 5.0, 2.0])
+    assert 0.9 < _driven_to(far, [1.4] * 3) < 1.0
+    assert _driven_to(near, [1.4] * 7) == pytest.approx(1 / 1.4, abs=0.05)

@@ -1,13 +1,19 @@
-"""Shares of sums over suburbs, and their 95 % intervals: bootstrap over suburbs."""
+"""Shares of sums over suburbs, and their 95 % intervals: bootstrap over suburbs.
+
+Expanded percentiles: of few suburbs the bootstrap's own are too narrow (Hesterberg, "What Teachers
+Should Know About the Bootstrap", 2015). Of ten normal values they hold the true mean in 0.94 of
+cases, not in 0.90.
+"""
 
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
+from scipy.special import ndtr, stdtrit
 
 from vrchain.seeding import generator
 
 _RESAMPLED = 1000
-_INTERVAL = (0.025, 0.975)
+_TAIL = 0.025  # on either side
 
 
 def resampled(n: int, seed: int, what: str) -> NDArray[np.int64]:
@@ -30,8 +36,31 @@ def ratio(
     """
     under = bottom[again].sum(axis=1)
     shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
-    ends = [float(q) for q in np.quantile(shares, _INTERVAL)] if len(shares) else None
+    ends = [float(q) for q in np.quantile(shares, _ends(len(bottom)))] if len(shares) else None
     return {
         name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
         f"{name}_ci": ends,
     }
+
+
+def share(
+    name: str, hits: NDArray[np.float64], of: NDArray[np.float64], again: NDArray[np.int64]
+) -> dict[str, object]:
+    """The ratio of a count to all, (suburbs,) each, whose interval has a width in any case.
+
+    Where all are hits, or none, resampling tells nothing: one end of the exact interval then
+    (Clopper and Pearson, 1934).
+    """
+    found, n = ratio(name, hits, of, again), of.sum()
+    if n and hits.sum() in (0, n):
+        off = float(1 - _TAIL ** (1 / n))
+        found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
+    return found
+
+
+def _ends(n: int) -> tuple[float, float]:
+    """The percentiles of a bootstrap over n suburbs that are taken for the interval's ends."""
+    if n < 2:
+        return _TAIL, 1 - _TAIL
+    low = float(ndtr(np.sqrt(n / (n - 1)) * stdtrit(n - 1, _TAIL)))
+    return low, 1 - low

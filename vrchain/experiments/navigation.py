@@ -161,6 +161,7 @@ class Suburb:
             at_goal, range_m = is_at(self.scene, self.truth, mission.goal, pose, self.rig)
         path = simulator.path_xy_m(robot)
         chain = mission.chain
+        reached = [d for d in result.decisions if d.what == "reached"]
         return {
             "mission": mission.number,
             "arm": arm,
@@ -174,7 +175,8 @@ class Suburb:
             "chain_way_m": chain.way_m if chain else None,
             "collisions": simulator.collisions(robot),
             "replans": max(0, len(result.plans) - 1),
-            "legs": sum(d.what == "reached" for d in result.decisions),
+            "legs": len(reached),
+            "to_landmarks": sum(d.values["landmark"] for d in reached),
             "seconds_simulated": seconds,
             "log": [asdict(d) for d in result.decisions],
         }
@@ -229,7 +231,7 @@ def evaluate(
     rows = []
     for number, arm in product(range(n_missions), arms):
         row = json.loads(asked.row_file(number, arm).read_text())
-        row["routes"] = routes_of(row.pop("log"))
+        row["routes"] = routes_of(row.pop("log"), row["success"])
         rows.append({"suburb": asked.k(number) if scenes.varied else number, **row})
     return pd.DataFrame(rows), [asked.mission(number) for number in range(n_missions)]
 

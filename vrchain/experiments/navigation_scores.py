@@ -9,15 +9,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, share
 from vrchain.experiments.missions import Mission
 
 SOON_S = (150, 300)
 _TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are counted together
 
 
-def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
-    """Of each route that was driven the trust in it, and whether the mission ended with it.
+def routes_of(log: Sequence[Mapping[str, Any]], success: bool) -> list[tuple[float, bool]]:
+    """Of each route that was driven the trust in it, and whether it led a mission to success.
 
     At its end, or where the goal came into view on the way. Routes that replaced it on the way are
     not counted by themselves.
@@ -31,7 +31,7 @@ def routes_of(log: Sequence[Mapping[str, Any]]) -> list[tuple[float, bool]]:
         elif what in ("leg", "approach"):
             driven = True
         elif what in ("plan again", "arrived", "gave up") and trust is not None:
-            found += [(trust, what == "arrived")] if driven else []
+            found += [(trust, success and what == "arrived")] if driven else []
             trust = None
     return found
 
@@ -43,10 +43,11 @@ def summarise(
 
     success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
     spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
-    counts; replans, legs, barred legs, seconds_simulated and wall_s are means; wall_s_per_300_s is
-    what five simulated minutes cost, the patrol's among them. Of ledger, times_alone: its successes
-    over those of alone. Also how many missions need how many landmarks, and how many
-    draws were rejected for what; and of routes driven, by the trust in them, how many led there.
+    counts; replans, legs, to_landmarks, barred, seconds_simulated and wall_s are means;
+    wall_s_per_300_s is what five simulated minutes cost, the patrol's among them. Of ledger,
+    times_alone: its successes over those of alone. Also how many missions need how many landmarks,
+    and how many draws were rejected for what; and of routes driven, by the trust in them, how many
+    led there.
     """
     suburbs = np.sort(table.suburb.unique())
     again = resampled(len(suburbs), seed, "navigation")
@@ -90,7 +91,8 @@ def _summary(
         ("spl_chain", spl_chain, chained),
     ):
         one = pd.Series(1.0, index=of.index)
-        found |= ratio(
+        told = share if name.startswith("success") else ratio
+        found |= told(
             name,
             by_suburb(values, of.suburb, suburbs),
             by_suburb(one, of.suburb, suburbs),
@@ -98,7 +100,7 @@ def _summary(
         )
     found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
     found["collisions"] = int(own.collisions.sum())
-    for name in ("replans", "legs", "barred", "seconds_simulated", "wall_s"):
+    for name in ("replans", "legs", "to_landmarks", "barred", "seconds_simulated", "wall_s"):
         found[name] = float(own[name].mean())
     found["wall_s_per_300_s"] = float(300 * own.wall_s.sum() / own.clock_s.sum())
     return found
@@ -128,8 +130,8 @@ def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     names = (
         "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
         "success_given_chain", "times_alone", "spl", "spl_chain",
-        "false_arrivals", "collisions", "replans", "legs", "barred", "seconds_simulated", "wall_s",
-        "wall_s_per_300_s",
+        "false_arrivals", "collisions", "replans", "legs", "to_landmarks", "barred",
+        "seconds_simulated", "wall_s", "wall_s_per_300_s",
     )  # fmt: skip
     rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}
     return pd.DataFrame(rows).T.rename_axis("arm")

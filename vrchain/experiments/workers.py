@@ -5,7 +5,9 @@ import signal
 import tempfile
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
-from multiprocessing import active_children, get_context
+from multiprocessing import active_children, get_context, parent_process
+from threading import Thread
+from typing import Any
 
 from tqdm.auto import tqdm
 
@@ -50,8 +52,15 @@ def _alone_on_a_core(scratch: str) -> None:
 
     scratch: where temporary files go, which are left behind where a process is ended.
     """
+    Thread(target=_end_with, args=(parent_process(),), daemon=True).start()
     tempfile.tempdir = scratch
     keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     for threads in ("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
         os.environ[threads] = "1"
+
+
+def _end_with(parent: Any) -> None:
+    """Nobody works on for a process that was killed."""
+    parent.join()
+    os._exit(1)

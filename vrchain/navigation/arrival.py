@@ -90,29 +90,41 @@ class Arrival:
         if not suspect.is_sure(self.pilot.config) and self._is_likely(suspect):
             self.log("circle", "it has not looked enough like the goal yet: from other sides")
             suspect = replace(suspect, against=0)
-            for seen in self._sides(suspect):
-                suspect = seen
+            for side in self._sides(suspect):
+                suspect = self._regarded(replace(suspect, place=side))
                 if suspect.is_sure(self.pilot.config):
                     suspect = self._close_in(suspect)
                     break
                 if suspect.against >= _AGAINST:
                     break
         if not suspect.is_sure(self.pilot.config):
-            self.log("doubt", "it never looked enough like the goal's pictures")
-            if suspect.sights:
-                near = suspect.place.range_m(self.pilot.here) < NEAR_M
-                self._not_again(suspect.place, near)
-            return False
+            return self._doubt(suspect)
         suspect = self._driven_on(suspect, _TRIES)
-        if self._is_there(suspect):
-            self._draw_up(suspect)
+        if self._is_claimed(suspect):
             return True
-        for seen in self._sides(suspect):
-            suspect = self._driven_on(self._close_in(seen), 1)
-            if self._is_there(suspect):
-                self._draw_up(suspect)
+        for side in self._sides(suspect):
+            suspect = self._regarded(replace(suspect, place=side))
+            suspect = self._driven_on(self._close_in(suspect), 1)
+            if self._is_claimed(suspect):
                 return True
+        if not suspect.is_sure(self.pilot.config):
+            return self._doubt(suspect)
         return self._give_up(suspect.place)
+
+    def _is_claimed(self, suspect: Suspect) -> bool:
+        """Whether the robot is there, and it is sure still: later sights may speak against it."""
+        if not (suspect.is_sure(self.pilot.config) and self._is_there(suspect)):
+            return False
+        self._draw_up(suspect)
+        return True
+
+    def _doubt(self, suspect: Suspect) -> bool:
+        """What was seen from near and never surely looked like the goal; never arrived."""
+        self.log("doubt", "it never looked enough like the goal's pictures")
+        if suspect.sights:
+            near = suspect.place.range_m(self.pilot.here) < NEAR_M
+            self._not_again(suspect.place, near)
+        return False
 
     def _driven_on(self, suspect: Suspect, tries: int) -> Suspect:
         """On to where it is by its size, while it looks farther than what was met, or none was."""
@@ -233,8 +245,8 @@ class Arrival:
             return replace(suspect, chance=chance, against=suspect.against + 1)
         return self._with_sight(suspect, sight)
 
-    def _sides(self, suspect: Suspect) -> Iterator[Suspect]:
-        """What is seen of it from places around it, from one after the other."""
+    def _sides(self, suspect: Suspect) -> Iterator[Place]:
+        """Its sides, each once the robot has driven to look at it."""
         pilot = self.pilot
         away = suspect.place.xy_m - pilot.here.xy_m
         half_m = max(_HALF_M, suspect.width_m / 2)
@@ -248,9 +260,7 @@ class Arrival:
             while pilot.now.time_ns < until_ns and pilot.here.distance_to_m(stand_xy_m) > 1.5:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
                     break
-            side = replace(suspect, place=_about(middle + half_m * outward))
-            suspect = self._regarded(side)
-            yield suspect
+            yield _about(middle + half_m * outward)
 
     def _is_at(self, place: Place, reach_m: float) -> bool:
         """Whether the goal's side is within reach, and something is there."""

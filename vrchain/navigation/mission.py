@@ -228,7 +228,7 @@ class _Mission:
         n_landmarks = len({leg.node for leg in route.legs if not leg.by_odometry})
         self.log(
             "route", f"{' - '.join(names)} - goal, by {n_landmarks} common landmarks", number,
-            score=round(route.score, 3), trust=round(route.trust, 2),
+            score=round(route.score, 3), trust=round(route.trust, 4),
         )  # fmt: skip
         begin, _, first = next(
             own for k, own in enumerate(self.own) if panorama_name(self.robot, k) == names[0]
@@ -258,7 +258,10 @@ class _Mission:
                 if ended != _ELSEWHERE:
                     self.failed.add(leg.key)
                 return False
-            self.log("reached", f"{tracker.name} is near", seen=tracker.seen)
+            self.log(
+                "reached", f"{tracker.name} is near", seen=tracker.seen,
+                landmark=bool(len(tracker.embedding)),
+            )  # fmt: skip
             self.reached.add(leg.key)
             passed = k
         if len(trackers) < len(route.legs) or goal is None:
@@ -328,7 +331,7 @@ class _Mission:
         seen = self.approach(lookout, route, self.config.approach_m)
         if seen == "near":
             seen = self.arrival.note(self.pilot.look_around()) or seen
-        return isinstance(seen, Suspect) and self.arrival.drive_to(seen)
+        return not isinstance(seen, str) and self.turn_to(seen)
 
     def lead(
         self, what: str, tracker: Tracker, route: Route, passed: int, within_m: float

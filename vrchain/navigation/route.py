@@ -80,7 +80,7 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The best route, or None; what is known of who sees the goal, in matches; the graph.
+    """The best route, or None; the sights of the goal, by the panoramas that show it; the graph.
 
     spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
     panorama is gone or is none. published: the panoramas that can be read, by name. looks: what

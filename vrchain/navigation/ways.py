@@ -59,7 +59,7 @@ class Ways:
         self._met[self._cells(here.xy_m + rays[hit] * ring[hit, None])] = self.driven_m
 
     def block(self, here: Pose, course_rad: float) -> None:
-        """No headway in this direction, whatever the range ring says: something is there."""
+        """No headway in this direction: something is there, until the range ring sees past it."""
         course = np.array([np.cos(course_rad), np.sin(course_rad)])
         across = np.array([-course[1], course[0]]) * np.linspace(-0.5, 0.5, 7)[:, None]
         self._met[self._cells(here.xy_m + _BLOCKED_M * course + across)] = self.driven_m
