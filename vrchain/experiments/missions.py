@@ -23,6 +23,7 @@ from numpy.typing import NDArray
 
 from vrchain.errors import MissionError
 from vrchain.experiments.free_space import FreeSpace
+from vrchain.experiments.mission import SUCCESS_RANGE_M
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_poses, robot_names
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import Sights, shared
@@ -35,7 +36,7 @@ Array = NDArray[np.float64]
 
 PLACE = "a place"  # the goal's name, where it is no object
 WAY_M = (40.0, 120.0)
-APPROACH_M = 3.0  # from a landmark's footprint; the goal is reached at this range too
+APPROACH_M = 3.0  # from a landmark's footprint
 _APART_M = 2.0  # robots are not nearer to each other
 _PLACES = 100  # in a suburb, where chains of so many landmarks are asked for
 _VANTAGES = 4  # places around a landmark from which the next may be seen
@@ -174,7 +175,7 @@ class Ground:
         if target is None:
             zone = np.array([self.free.nearest(xy_m[-1])])
         else:
-            zone = self.free.around(self.scene.objects[target].footprint, APPROACH_M)
+            zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
         if not WAY_M[0] <= way_m <= WAY_M[1]:

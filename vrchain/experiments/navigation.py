@@ -283,16 +283,21 @@ class _Evaluation:
         """Draw a mission and drive it by each arm, as far as that was not done before."""
         k = self.k(number)
         if not self.mission_file(number).exists():
-            ground = _suburb(self.scenes, self.seed, k, self.rig).ground
-            drawn = ground.draw(self.seed, k, number, self.n_robots, self.to_places, self.landmarks)
+            drawn = self._suburb(k).ground.draw(
+                self.seed, k, number, self.n_robots, self.to_places, self.landmarks
+            )
             write_file(self.mission_file(number), json.dumps(drawn.as_dict()).encode())
         for arm in self.arms:
             if not self.row_file(number, arm).exists():
-                row = _suburb(self.scenes, self.seed, k, self.rig).drive(
+                row = self._suburb(k).drive(
                     self.mission(number), arm, self.config, self.weights, self.patrol_s,
                     self.wrong_edges, self.barred,
                 )  # fmt: skip
                 write_file(self.row_file(number, arm), json.dumps(row).encode())
+
+    def _suburb(self, k: int) -> Suburb:
+        """A world that stays as it is is built once."""
+        return _suburb(self.scenes, self.seed, k if self.scenes.varied else 0, self.rig)
 
     @property
     def _drawn(self) -> list[object]:
