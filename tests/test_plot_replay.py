@@ -19,7 +19,7 @@ from vrchain.navigation.mission import MissionResult
 from vrchain.navigation.route import Leg, Route
 from vrchain.navigation.terms import Decision
 from vrchain.panorama import Panorama
-from vrchain.plots.replay import Frame, mission_gif, replay
+from vrchain.plots.replay import Frame, gif_html, mission_gif, replay
 
 DECIDED_S = (10.0, 10.0, 16.25, 30.0)
 
@@ -104,3 +104,9 @@ def test_a_mission_that_ended_at_once_is_shown_too() -> None:
     (frame,) = replay(replace(run, result=result, seconds=0.0, times_s=np.array([10.0]),
         paths_xy_m={name: path[:1] for name, path in run.paths_xy_m.items()}))  # fmt: skip
     assert frame.rgb.std() > 10
+
+
+def test_the_animation_is_a_picture_of_a_page() -> None:
+    page = gif_html(b"GIF89a...", 'R1 & "the barn"')
+    assert page.startswith('<img src="data:image/gif;base64,R0lGODlh')
+    assert 'alt="R1 &amp; &quot;the barn&quot;"' in page

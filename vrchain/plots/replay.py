@@ -1,7 +1,9 @@
 """A mission replayed: the way driven so far, what was decided, and what that rested on."""
 
 import io
+from base64 import b64encode
 from collections.abc import Callable, Iterator, Sequence
+from html import escape
 from textwrap import shorten
 from typing import NamedTuple
 
@@ -32,7 +34,7 @@ class Frame(NamedTuple):
 
 
 def mission_gif(run: MissionRun) -> bytes:
-    """The frames as an animated GIF, which browsers and notebooks show as they are."""
+    """The frames as an animated GIF."""
     from PIL import Image
 
     frames = list(replay(run))
@@ -44,6 +46,11 @@ def mission_gif(run: MissionRun) -> bytes:
     gif, shown_ms = io.BytesIO(), [f.shown_ms for f in frames]
     first.save(gif, "GIF", save_all=True, append_images=rest, duration=shown_ms, loop=0)
     return gif.getvalue()
+
+
+def gif_html(gif: bytes, what: str) -> str:
+    """An animation as HTML: notebooks leave it out as a picture when they are exported."""
+    return f'<img src="data:image/gif;base64,{b64encode(gif).decode()}" alt="{escape(what)}">'
 
 
 def replay(run: MissionRun) -> Iterator[Frame]:
