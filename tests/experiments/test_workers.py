@@ -96,6 +96,10 @@ def test_whatever_ends_it_ends_all(how: signal.Signals, tmp_path: Path) -> None:
         process.kill()
     workers = [int(file.read_text()) for file in tmp_path.iterdir()]
     assert len(workers) == 2
+    if how == signal.SIGINT:  # all were waited for
+        for worker in workers:
+            with pytest.raises(ProcessLookupError):
+                os.kill(worker, 0)
     deadline_s = time.monotonic() + 10
     while any(map(_lives, workers)) and time.monotonic() < deadline_s:
         time.sleep(0.05)

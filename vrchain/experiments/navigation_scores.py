@@ -83,15 +83,14 @@ def _summary(
     spl_chain = spl_chain / np.maximum(chained.driven_m, chain_way_m)
     found: dict[str, object] = {"n": len(own), "n_with_chain": len(chained)}
     soon = {f"success_{s}_s": success * (own.seconds_simulated <= s) for s in SOON_S}
-    for name, values, of in (
-        ("success", success, own),
-        *((name, values, own) for name, values in soon.items()),
-        ("success_given_chain", chained.success, chained),
-        ("spl", spl, own),
-        ("spl_chain", spl_chain, chained),
+    for name, told, values, of in (
+        ("success", share, success, own),
+        *((name, share, values, own) for name, values in soon.items()),
+        ("success_given_chain", share, chained.success, chained),
+        ("spl", ratio, spl, own),
+        ("spl_chain", ratio, spl_chain, chained),
     ):
         one = pd.Series(1.0, index=of.index)
-        told = share if name.startswith("success") else ratio
         found |= told(
             name,
             by_suburb(values, of.suburb, suburbs),

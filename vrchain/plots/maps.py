@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.patches import Polygon
+from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
@@ -91,9 +92,14 @@ def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2
     c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
     corners = outline @ np.array([[c, s], [-s, c]]) + pose.xy_m
     axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=6))
-    axes.annotate(
+    draw_name(axes, name, pose.xy_m, colour)
+
+
+def draw_name(axes: Axes, name: str, xy_m: NDArray[np.float64], colour: str) -> Annotation:
+    """A robot's name beside a place, (2,)."""
+    return axes.annotate(
         name,
-        (pose.x_m, pose.y_m),
+        (float(xy_m[0]), float(xy_m[1])),
         xytext=(9, 7),
         textcoords="offset points",
         fontsize=9,

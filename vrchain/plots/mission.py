@@ -14,11 +14,12 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.common import Region
 from vrchain.navigation.route import Route
 from vrchain.navigation.terms import robot_of
-from vrchain.panorama import Panorama, encode_png
+from vrchain.panorama import Codec, Panorama, encode_png
 from vrchain.plots.maps import LABEL_BOX, ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
 from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
 from vrchain.plots.save import png_bytes
 
+_SHOWN = Codec("jpeg", 85)  # to be looked at, not compared
 _GOAL_COLOUR = "#ff2d95"
 _LABEL_DEG = 5.0  # of height above a box; a label that has less room is put inside
 
@@ -33,12 +34,9 @@ class Row(NamedTuple):
 
 def save_pictures(run: MissionRun, folder: Path) -> None:
     """What decisions rest on: goal_N.png as given, look_K.jpg, plan_P_leg_L.png; mission.png."""
-    from PIL import Image
-
     (folder / "mission.png").write_bytes(png_bytes(mission_figure(run)))
     for k in sorted({d.look for d in run.result.decisions if d.look is not None}):
-        cylinder = Image.fromarray(run.result.looks[k].cylinder)
-        cylinder.save(folder / f"look_{k}.jpg", quality=85)
+        (folder / f"look_{k}.jpg").write_bytes(_SHOWN.encode(run.result.looks[k].cylinder))
     for number, picture in enumerate(run.pictures, 1):
         (folder / f"goal_{number}.png").write_bytes(encode_png(picture.views[0]))
     for plan_number, (look, route) in enumerate(run.result.plans, 1):

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vrchain.experiments.mission import MissionRun
 from vrchain.navigation.terms import Decision
-from vrchain.plots.maps import LABEL_BOX, ROBOT_COLOURS
+from vrchain.plots.maps import ROBOT_COLOURS, draw_name
 from vrchain.plots.mission import Row, chain_rows, draw_row, draw_stage
 
 _DPI, _HEIGHT_IN, _MAP_IN, _BESIDE_IN = 80, 6.0, 5.8, 7.2
@@ -60,10 +60,12 @@ def replay(run: MissionRun) -> Iterator[Frame]:
     even_s = np.arange(end_s - run.seconds, end_s, max(_LEAST_S, run.seconds / _FRAMES))
     map_at, beside = _map(run), _beside(run, ())
     for time_s in np.unique([*even_s, *decided_s, end_s]):
+        shown_ms = _FRAME_MS
         if time_s in decided_s:
             beside = _beside(run, [d for d in decisions if d.time_s <= time_s])
-        shown_ms = _DECIDED_MS if time_s in decided_s else _FRAME_MS
-        shown_ms = _END_MS if time_s == end_s else shown_ms
+            shown_ms = _DECIDED_MS
+        if time_s == end_s:
+            shown_ms = _END_MS
         yield Frame(np.hstack([map_at(time_s), beside]), shown_ms)
 
 
@@ -77,12 +79,8 @@ def _map(run: MissionRun) -> Callable[[float], Pixels]:
     for i, (name, path) in enumerate(run.paths_xy_m.items()):
         colour = ROBOT_COLOURS[i % len(ROBOT_COLOURS)]
         ways += axes.plot(*path.T, "o-", color=colour, mec="white", ms=9, lw=2, animated=True)
-        names.append(
-            axes.annotate(
-                name, path[0], (7, 7), textcoords="offset points", fontweight="bold",
-                color=colour, animated=True, bbox=LABEL_BOX,
-            )
-        )  # fmt: skip
+        names.append(draw_name(axes, name, path[0], colour))
+        names[-1].set_animated(True)
     canvas.draw()
     empty = canvas.copy_from_bbox(figure.bbox)
 
