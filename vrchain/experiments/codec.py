@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import interval, resampled
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
@@ -23,7 +24,6 @@ from vrchain.landmarks.sift import extract
 from vrchain.panorama import CameraRig, Codec, Panorama
 from vrchain.render import Renderer
 from vrchain.scene import load_scene
-from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
 LOSSLESS = Codec("png")  # what the others are held against
@@ -34,7 +34,6 @@ CODECS = (
 )
 SPACING_M = (5.0, 10.0)
 _PAIRS_A_SUBURB = 10
-_RESAMPLED = 2000
 
 
 def codec_pairs(
@@ -112,8 +111,7 @@ def summarise(found: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     """
     by_codec = {name: g.sort_values("pair") for name, g in found.groupby(["codec", "quality"])}
     lossless = by_codec[LOSSLESS.name, LOSSLESS.quality]
-    draws = generator(seed, "bootstrap", "codec")
-    again = draws.integers(len(lossless), size=(_RESAMPLED, len(lossless)))
+    again = resampled(len(lossless), seed, "codec")
     rows = []
     for (codec, quality), group in by_codec.items():
         rows.append(
@@ -138,8 +136,8 @@ def _kept(
 ) -> dict[str, float]:
     """What is left of a count, (n,) by pair, with its interval; again: (m, n) pairs drawn anew."""
     counts = part.to_numpy(), whole.to_numpy()
-    resampled = [count[again].sum(axis=1) for count in counts]
-    low, high = np.quantile(resampled[0] / np.maximum(1, resampled[1]), [0.025, 0.975])
+    left, all_of_it = (count[again].sum(axis=1) for count in counts)
+    low, high = interval(left / np.maximum(1, all_of_it), len(part))
     return {
         name: part.sum() / max(1, whole.sum()), f"{name}_low": low, f"{name}_high": high
     }  # fmt: skip

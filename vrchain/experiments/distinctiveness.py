@@ -13,6 +13,7 @@ from scipy.ndimage import find_objects
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import interval, resampled
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.geometry import Pose
 from vrchain.landmarks.backbone import Backbone, Layer, load_backbone
@@ -20,13 +21,10 @@ from vrchain.landmarks.quality import co_visible
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
 from vrchain.scene.model import Scene
-from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
 # The same measure in another suburb, known beforehand: share right at a spacing in metres.
 REFERENCE = {5.0: 0.83, 10.0: 0.68, 20.0: 0.41, 40.0: 0.13}
-
-_RESAMPLED = 2000
 
 
 def distinctiveness(
@@ -78,9 +76,8 @@ def summarise(found: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     rows = []
     for spacing_m, group in found.groupby("spacing_m"):
         by_pair = group.groupby("pair").right.agg(["sum", "count"]).to_numpy()
-        draws = generator(seed, "bootstrap", "distinctiveness")
-        again = by_pair[draws.integers(len(by_pair), size=(_RESAMPLED, len(by_pair)))].sum(axis=1)
-        low, high = np.quantile(again[:, 0] / again[:, 1], [0.025, 0.975])
+        again = by_pair[resampled(len(by_pair), seed, "distinctiveness")].sum(axis=1)
+        low, high = interval(again[:, 0] / again[:, 1], len(by_pair))
         rows.append(
             {
                 "spacing_m": spacing_m,

@@ -27,6 +27,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.intervals import interval, resampled
 from vrchain.ledger import OPERATOR, Ledger, Limits, Transaction, simulated_key, verify
 from vrchain.ledger.gate import Answer, Gate, answer_of, receive_answer
 from vrchain.ledger.transaction import blob_digest
@@ -43,7 +44,6 @@ GATE, FLOODER = "G", "F"
 _NEWS_NS = 50_000_000  # how often the flooder looks at the ledger
 _TENTH_OF_A_SECOND = struct.pack("@ll", 0, 100_000)
 _NO_LIMIT = 1 << 40
-_BOOTSTRAPS = 1000
 
 
 @dataclass(frozen=True)
@@ -149,14 +149,14 @@ def summarise(measured: Measured, *, seed: int) -> pd.DataFrame:
     """
     work = measured.work
     p99_us = work.groupby(["round", "condition"]).latency_us.quantile(0.99).unstack()
-    chosen = generator(seed, "flood", "bootstrap").choice(len(p99_us), (_BOOTSTRAPS, len(p99_us)))
+    chosen = resampled(len(p99_us), seed, "flood")
     quiet_us = p99_us[QUIET]
     quiet_medians_us = np.median(quiet_us.to_numpy()[chosen], axis=1)
     rows = []
     for condition in [name for name in (QUIET, *CONDITIONS) if name in p99_us]:
         own = work[work.condition == condition]
         medians_us = np.median(p99_us[condition].to_numpy()[chosen], axis=1)
-        low, high = np.percentile(medians_us / quiet_medians_us, [2.5, 97.5])
+        low, high = interval(medians_us / quiet_medians_us, len(p99_us))
         rows.append(
             {
                 "name": condition,

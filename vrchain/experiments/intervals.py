@@ -1,4 +1,4 @@
-"""Shares of sums over suburbs, and their 95 % intervals: bootstrap over suburbs.
+"""95 % intervals by bootstrap, over suburbs or whatever else was drawn, and shares of sums.
 
 Expanded percentiles: of few suburbs the bootstrap's own are too narrow (Hesterberg, "What Teachers
 Should Know About the Bootstrap", 2015). Of ten normal values they hold the true mean in 0.94 of
@@ -17,8 +17,15 @@ _TAIL = 0.025  # on either side
 
 
 def resampled(n: int, seed: int, what: str) -> NDArray[np.int64]:
-    """Which of n suburbs are drawn, with replacement: (draws, n)."""
+    """Which of n suburbs, pairs, rounds, ... are drawn, with replacement: (draws, n)."""
     return generator(seed, "bootstrap", what).integers(n, size=(_RESAMPLED, n))
+
+
+def interval(drawn: NDArray[np.float64], n: int) -> tuple[float, float]:
+    """The ends of the interval of a figure, (draws,), that was taken of each ``resampled`` n."""
+    low = _TAIL if n < 2 else float(ndtr(np.sqrt(n / (n - 1)) * stdtrit(n - 1, _TAIL)))
+    first, last = np.quantile(drawn, (low, 1 - low))
+    return float(first), float(last)
 
 
 def by_suburb(values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]) -> NDArray[np.float64]:
@@ -36,10 +43,9 @@ def ratio(
     """
     under = bottom[again].sum(axis=1)
     shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
-    ends = [float(q) for q in np.quantile(shares, _ends(len(bottom)))] if len(shares) else None
     return {
         name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
-        f"{name}_ci": ends,
+        f"{name}_ci": list(interval(shares, len(bottom))) if len(shares) else None,
     }
 
 
@@ -56,11 +62,3 @@ def share(
         off = float(1 - _TAIL ** (1 / n))
         found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
     return found
-
-
-def _ends(n: int) -> tuple[float, float]:
-    """The percentiles of a bootstrap over n suburbs that are taken for the interval's ends."""
-    if n < 2:
-        return _TAIL, 1 - _TAIL
-    low = float(ndtr(np.sqrt(n / (n - 1)) * stdtrit(n - 1, _TAIL)))
-    return low, 1 - low

@@ -45,6 +45,7 @@ from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import interval, resampled
 from vrchain.navigation.planner import Planner
 from vrchain.seeding import generator
 
@@ -428,7 +429,9 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     for (rule, p, method), group in drives.groupby(["rule", "p", "method"], sort=False):
         for most in (1, 2, 3, MAX_DRIVES):
             arrived = group.drives <= most
-            low, high = _interval(arrived, group.world, generator(seed, "planning", "bootstrap"))
+            by_world = arrived.groupby(group.world).mean().to_numpy()
+            again = resampled(len(by_world), seed, "planning")
+            low, high = interval(by_world[again].mean(axis=1), len(by_world))
             line = PUBLISHED_SHARES.get(str(method)) if (rule, most) == ("drive", 1) else None
             rows.append(
                 {
@@ -445,12 +448,3 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
                 }
             )
     return pd.DataFrame(rows)
-
-
-def _interval(
-    arrived: pd.Series, world: pd.Series, draws: np.random.Generator
-) -> tuple[float, float]:
-    by_world = arrived.groupby(world).mean().to_numpy()
-    chosen = draws.integers(len(by_world), size=(1000, len(by_world)))
-    low, high = np.quantile(by_world[chosen].mean(axis=1), (0.025, 0.975))
-    return float(low), float(high)

@@ -14,6 +14,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import resampled, share
 from vrchain.experiments.landmarks import draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
@@ -31,7 +32,6 @@ from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
 WAYS = ("gallery", "sift")
-_DRAWS, _INTERVAL = 2000, (2.5, 97.5)
 
 
 @dataclass(frozen=True)
@@ -81,10 +81,8 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
         there, gone = own[own.present], own[~own.present]
         summary[way] = {
             "n": len(there),
-            "first_right": float(there.right.mean()),
-            "first_right_ci": _interval(there.right),
-            "nobody_right": float(gone.right.mean()),
-            "nobody_right_ci": _interval(gone.right),
+            **_right("first_right", there.right),
+            **_right("nobody_right", gone.right),
             "precision": _share(there.found, there.answered),
             "recall": _share(there.found, there.showing),
             "ms_per_goal": float(own.s.median() * 1e3),
@@ -108,10 +106,10 @@ def _share(part: pd.Series, whole: pd.Series) -> float | None:
     return float(part.sum() / whole.sum()) if whole.sum() else None
 
 
-def _interval(right: pd.Series) -> list[float]:
-    draws = generator(0, "bootstrap", len(right)).integers(0, len(right), (_DRAWS, len(right)))
-    low, high = np.percentile(right.to_numpy(dtype=float)[draws].mean(axis=1), _INTERVAL)
-    return [float(low), float(high)]
+def _right(name: str, right: pd.Series) -> dict[str, object]:
+    """NAME and NAME_ci: of goals, the share whose answer is right."""
+    hits = right.to_numpy(dtype=float)
+    return share(name, hits, np.ones(len(hits)), resampled(len(hits), 0, "search"))
 
 
 @dataclass(frozen=True, eq=False)
