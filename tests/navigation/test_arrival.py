@@ -67,6 +67,28 @@ def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
     assert ours.likeliest is None
 
 
+def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
+    """As it was met: a robot went round one house three times."""
+    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 12, 3.0, 0.9)
+    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    assert not ours.drive_to(suspect(8.0))
+    middle_xy_m = np.array([12.0, 0.0])
+    for angle in np.arange(0.0, 2 * np.pi, 0.5):
+        side = middle_xy_m + 4.0 * np.array([np.cos(angle), np.sin(angle)])
+        assert ours.was_mistaken(Place(side, np.eye(2)))
+    assert not ours.was_mistaken(Place(np.array([24.0, 0.0]), np.eye(2)))
+
+
+def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
+    told: list[str] = []
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    log = lambda what, *args, **values: told.append(what)  # noqa: E731
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), log)
+    assert not ours.drive_to(suspect(8.0)) and not ours.drive_to(suspect(9.0))
+    assert told == ["approach", "circle", "doubt", "approach", "doubt"]
+
+
 def test_two_looks_from_one_place_are_one_sight() -> None:
     ours, sight = arrival(), GoalSight(0.0, 12.0, 12.0, 0.2, 18, 3.4, 0.9)
     once = ours._with_sight(Suspect(Place(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)
@@ -160,7 +182,7 @@ def test_what_is_no_longer_sure_is_not_claimed(
     unsure: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Surely the goal by two sights of so many more; a look from where it stands is unsure too."""
-    good = GoalSight(0.0, 8.0, 8.0, 0.2, 20, 3.4, 0.9)
+    good = GoalSight(0.0, 8.0, 8.0, 0.2, 30, 3.4, 0.9)
     poor = replace(good, n_matches=5, looks=2.6, chance=0.6)
     goal = SimpleNamespace(find=lambda *asked, **fair: poor)
     ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)

@@ -38,21 +38,21 @@ def test_one_good_sight_is_enough() -> None:
 
 def test_fewer_keypoints_are_enough_in_a_sight_that_looks_like_nothing_else() -> None:
     other = (3, 8, 12, 3.1)
-    assert is_sure((0, 20, 15, 3.4), other)
-    assert not is_sure((0, 20, 4, 3.4), other)  # from too near
-    assert not is_sure((0, 20, 15, 3.1), (3, 8, 12, 3.4))  # in another sight
+    assert is_sure((0, 28, 15, 3.4), other, n_shown=700)
+    assert not is_sure((0, 28, 4, 3.4), other)  # from too near
+    assert not is_sure((0, 28, 15, 3.1), (3, 8, 12, 3.4))  # in another sight
 
 
 def test_fewer_keypoints_are_not_enough_in_a_sight_unlike_most() -> None:
-    """As a house was met in a suburb: 18 keypoints, looks 3.2, chance 0.89 in one sight of four."""
-    sight = (0.0, 18, 7.8, 3.3)
+    """As a house was met in a suburb: like nothing else in one sight of four."""
+    sight = (0.0, 24, 7.8, 3.3)
     assert not is_sure(sight)
     assert is_sure(sight, sight, unsure=2) and not is_sure(sight, sight, unsure=3)
     assert is_sure((0, 54, 12, 2.8), unsure=3)  # so many are no house's of its make
 
 
 def test_a_plain_goal_needs_fewer_keypoints() -> None:
-    poor, poorer = [(0, 14, 15, 3.4)] * 2, [(0, 11, 15, 3.4)] * 2
+    poor, poorer = [(0, 12, 15, 3.4)] * 2, [(0, 11, 15, 3.4)] * 2
     assert not is_sure(*poor) and is_sure(*poor, n_shown=150)
     assert not is_sure(*poorer, n_shown=20)  # no goal is so plain
 
@@ -68,11 +68,12 @@ def test_keypoints_without_its_looks_are_not_the_goal(keypoints: int) -> None:
         [(11, 29, 3.1), (13, 22, 2.8), (9, 15, 3.3)],
         [(9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (19, 10, 2.8), (22, 8, 2.8)],
         [(7, 39, 2.8), (7, 40, 3.2), (8, 23, 3.4), (8, 19, 3.5), (8, 14, 3.4), (9, 9, 3.3)] * 3,
+        [(18, 7, 3.3), (15, 5, 3.3), (11, 11, 2.7), (15, 9, 3.2), (16, 6, 3.0), (12, 4, 3.5)],
         [(11, 12, 2.5), (11, 10, 2.6), (11, 7, 2.7), (13, 12, 2.2), (20, 11, 2.4), (15, 7, 2.5)],
     ],
 )
 def test_a_house_like_the_goal_is_not_the_goal(sights: list[tuple[int, float, float]]) -> None:
-    """As four were met in suburbs: what agrees are windows, doors and timber of the same make."""
+    """As five were met in suburbs: what agrees are windows, doors and timber of the same make."""
     assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
 
 
@@ -102,10 +103,25 @@ def test_growth_tells_no_more_than_how_far_it_is_and_no_less(
 
 
 def test_how_it_grows_is_not_told_by_sizes_that_are_rough() -> None:
-    """Sizes as they are in suburbs, each off by a tenth: seldom is it said to be farther."""
+    """Sizes as they are in suburbs, each off by a tenth."""
     draws = np.random.default_rng(0)
     told = [_driven_to(np.arange(20.0, 1.0, -2.5), draws.normal(1.0, 0.1, 8)) for _ in range(500)]
-    assert np.mean(np.array(told) > 1.0) < 0.05 and 0.8 < min(told) <= max(told) < 1.2
+    assert 0.8 < min(told) <= max(told) < 1.2 and abs(np.mean(told) - 1.0) < 0.02
+
+
+def test_a_sight_that_may_be_of_something_else_tells_no_size() -> None:
+    """As it was met: the house behind a fence, first seen from 35 m by 8 keypoints, by chance.
+
+    Without that sight it goes back before the robot, and is 4.7 m away.
+    """
+    seen = [(31.9, 39.7, 0.23), (15.2, 13.1, 0.72), (12.3, 11.4, 0.95), (9.2, 9.1, 0.95)]
+    seen += [(6.1, 7.4, 0.96), (3.0, 5.6, 0.99), (0.0, 4.2, 0.84)]
+    sights = tuple(
+        (Pose(-off_m, 0.0), GoalSight(0.0, side_m, side_m, 0.2, 17, 3.2, chance, sized=True))
+        for off_m, side_m, chance in seen
+    )
+    told = Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights).by_size()
+    assert told is not None and told[0][0] == pytest.approx(4.7, abs=0.8)
 
 
 def test_what_comes_to_meet_the_robot_is_nearer_than_its_size_says() -> None:

@@ -34,7 +34,10 @@ _STEPS_ROUND = 10  # round that
 # looked to be 0.6 to 3.4 m away, 2 m on average.
 _LOOKS_FAR_M = 3.5
 _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
-_SIDES = (1, 2, 3, 4, 5)  # of the six around a goal, counted from where the robot stands
+# Of the six around a goal, counted from where the robot stands. From 231 places that showed one of
+# 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344, it was sure from that side
+# in 75 %, with one side more in 89 %, with two in 96 %, with three in 98 %. A side costs some 17 s.
+_SIDES = (1, 2, 3)
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
 
@@ -87,16 +90,8 @@ class Arrival:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
         self._begin(suspect)
         suspect = self._close_in(suspect)
-        if not suspect.is_sure(self.pilot.config) and self._is_likely(suspect):
-            self.log("circle", "it has not looked enough like the goal yet: from other sides")
-            suspect = replace(suspect, against=0)
-            for side in self._sides(suspect):
-                suspect = self._regarded(replace(suspect, place=side))
-                if suspect.is_sure(self.pilot.config):
-                    suspect = self._close_in(suspect)
-                    break
-                if suspect.against >= _AGAINST:
-                    break
+        if not suspect.is_sure(self.pilot.config) and self._is_worth_a_circle(suspect):
+            suspect = self._circle(suspect)
         if not suspect.is_sure(self.pilot.config):
             return self._doubt(suspect)
         suspect = self._driven_on(suspect, _TRIES)
@@ -110,6 +105,19 @@ class Arrival:
         if not suspect.is_sure(self.pilot.config):
             return self._doubt(suspect)
         return self._give_up(suspect.place)
+
+    def _circle(self, suspect: Suspect) -> Suspect:
+        """What a look at its other sides tells, until it is sure; or else none of them is it."""
+        self.log("circle", "it has not looked enough like the goal yet: from other sides")
+        before, (middle_xy_m, _) = suspect.place, self._middle(suspect)
+        suspect = replace(suspect, against=0)
+        for side in self._sides(suspect):
+            suspect = self._regarded(replace(suspect, place=side))
+            if suspect.is_sure(self.pilot.config):
+                return self._close_in(suspect)
+        if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
+            self._mistaken.append(middle_xy_m)
+        return replace(suspect, place=before)
 
     def _is_claimed(self, suspect: Suspect) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""
@@ -190,6 +198,10 @@ class Arrival:
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
 
+    def _is_worth_a_circle(self, suspect: Suspect) -> bool:
+        """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
+        return self._is_likely(suspect) and not self.was_mistaken(suspect.place)
+
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
         """One more sight of it; a second one from one place tells nothing new."""
         if not suspect.is_anew(self.pilot.here):
@@ -248,9 +260,7 @@ class Arrival:
     def _sides(self, suspect: Suspect) -> Iterator[Place]:
         """Its sides, each once the robot has driven to look at it."""
         pilot = self.pilot
-        away = suspect.place.xy_m - pilot.here.xy_m
-        half_m = max(_HALF_M, suspect.width_m / 2)
-        middle = suspect.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1)
+        middle, half_m = self._middle(suspect)
         first = np.arctan2(*(pilot.here.xy_m - middle)[::-1])
         for turn in _SIDES:
             angle = first + turn * np.pi / 3
@@ -261,6 +271,12 @@ class Arrival:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
                     break
             yield _about(middle + half_m * outward)
+
+    def _middle(self, suspect: Suspect) -> tuple[Array, float]:
+        """Where its middle is, about, (2,), and how far from its sides."""
+        away = suspect.place.xy_m - self.pilot.here.xy_m
+        half_m = max(_HALF_M, suspect.width_m / 2)
+        return suspect.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1), half_m
 
     def _is_at(self, place: Place, reach_m: float) -> bool:
         """Whether the goal's side is within reach, and something is there."""

@@ -33,13 +33,12 @@ class MissionConfig:
     tick_s: float = 0.3  # between two steering commands
     sure_chance: float = 0.8  # that a sight is of the goal, and
     sure_looks: float = 2.6  # log-likelihood ratio of its looks, most houses like it have less, and
-    # keypoints more than by chance in one sight, to claim arrival; or so many in one that looks
-    # like nothing else. Of houses of the goal's make that were met in suburbs of seeds 1330 to 1333
-    # and one other, in one sight and by its looks: 23 and 2.8, 16 and 2.7, 9 and 2.8, 5 and 3.5;
-    # of 45 goals the poorest 18 and 3.6, 17 and 3.3, all others more.
+    # keypoints more than by chance in one sight, to claim arrival; or fewer in one that looks like
+    # nothing else. Of houses of the goal's make that were met, the likest in one sight and by its
+    # looks: 23 and 2.8, 18 and 3.3, 16 and 2.7, 9 and 2.8, 5 and 3.5.
     sure_matches: int = 36
     surest_looks: float = 3.2
-    surest_matches: int = 14
+    surest_matches: int = 24
     least_matches: int = 8  # fewer, down to this, as a plain goal's pictures show few
     likely: float = 0.5  # chance of a sight from which nothing else is tried first
     least_chance: float = 0.1  # of a sight that is kept in mind
