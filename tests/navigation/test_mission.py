@@ -241,7 +241,10 @@ def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
     check_log(result, config)
     said = words(result)
     blocked = said.index("blocked")
-    assert said[:4] == ["ledger", "route", "leg", "reached"] and "doubt" not in said
+    assert said[:4] == ["ledger", "route", "leg", "reached"] and "doubt" not in said[:blocked]
+    assert not any(
+        "R2" in decision.why for decision in result.decisions if decision.what == "doubt"
+    )
     assert said[blocked : blocked + 4] == ["blocked", "plan again", "ledger", "route"]
     assert not result.arrived
 
