@@ -281,6 +281,32 @@ def navigation(
     print(scores.routes_table(summary).to_string(index=False, na_rep="-"))
 
 
+@app.command()
+def goals(
+    spec: Spec = SUBURB,
+    suburbs: Annotated[int, typer.Option(help="How many.")] = 4,
+    most: Annotated[int, typer.Option("--goals", help="Of each suburb, at most.")] = 14,
+    seed: Seed = 3000,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    jobs: Jobs = None,
+    output: Output = None,
+    as_json: AsJson = False,
+) -> None:
+    """Look at goals, and at all other houses, from all sides: which are taken for the goal?
+
+    Four minutes a suburb. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command
+    goes on.
+    """
+    from vrchain.experiments import goal_sights as experiment
+    from vrchain.experiments.scenes import scenes_of
+
+    _check_seed(seed, allow_training_seeds)
+    folder = output or BUILD / "evaluate" / "goals"
+    found = experiment.evaluate(scenes_of(spec), suburbs, most, seed=seed, folder=folder, jobs=jobs)
+    summary = experiment.summarise(found)
+    print(json.dumps(summary) if as_json else experiment.as_table(summary).to_string())
+
+
 def _print_rows(table: "pd.DataFrame", as_json: bool) -> None:
     if as_json:
         print(json.dumps({"rows": table.to_dict(orient="records")}))
