@@ -89,6 +89,36 @@ def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
     assert told == ["approach", "circle", "doubt", "approach", "doubt"]
 
 
+@pytest.mark.parametrize(("chance", "goes_round"), [(0.96, True), (0.6, False)])
+def test_what_was_surely_seen_from_afar_is_gone_round_if_it_is_not_seen_from_near(
+    chance: float, goes_round: bool
+) -> None:
+    """As it was met: eight sights of a goal by a chance of 0.9 and more, and none from 8 m on."""
+    told: list[str] = []
+    log = lambda what, *args, **values: told.append(what)  # noqa: E731
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    pilot = Standing()
+    ours = Arrival(cast(Any, pilot), cast(Any, goal), log)
+    seen = suspect(8.0, chance)
+    for _ in range(3):
+        seen = ours._regarded(seen)
+    assert seen.against == 3 and (seen.chance > 0.5) == goes_round
+    ours.drive_to(seen)
+    assert ("circle" in told) == goes_round
+
+
+def test_the_side_in_front_is_another_on_the_way() -> None:
+    """As it was met: a robot passed a long wall, and what it drove to fell behind, in the house."""
+    passed = Standing()
+    cast(Any, passed).stretch = lambda *way: setattr(passed.now, "time_ns", 10) or 4.0
+    cast(Any, passed).until_ns = lambda place: passed.now.time_ns + 1
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    ours = Arrival(cast(Any, passed), cast(Any, goal), lambda *args, **values: None)
+    before = suspect(30.0)
+    after = ours._close_in(before)
+    assert after.place.std_m**2 == pytest.approx(before.place.std_m**2 + 0.8)
+
+
 def test_two_looks_from_one_place_are_one_sight() -> None:
     ours, sight = arrival(), GoalSight(0.0, 12.0, 12.0, 0.2, 18, 3.4, 0.9)
     once = ours._with_sight(Suspect(Place(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)

@@ -20,11 +20,14 @@ _DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for 
 _SAME_STD = 3.0  # standard deviations within which two sights are of one thing
 _ASTRAY = 4.0  # ... beyond which a glance did not show what is driven to
 NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
-_AGAIN = 0.7  # of its chance is left after each
+# Of its odds is left after each. Of goals that were likely, not sure, at 11 m 24 % were not seen
+# from 6.5 m, of other houses that were likely 48 %, in suburbs of seeds 1343 and 1344.
+_AGAIN = 0.5
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
+_SHIFTS_M2_PER_M = 0.2  # the nearest side of what is wide is another as the robot drives
 _NEARLY_M = 2.2  # a goal may be so far away that can be got no nearer
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
@@ -238,7 +241,8 @@ class Arrival:
             if way_m is None:
                 break
             glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
-            suspect = replace(suspect, place=suspect.place.after(way_m))
+            shifted_m = float(np.sqrt(_SHIFTS_M2_PER_M * way_m))
+            suspect = replace(suspect, place=suspect.place.unsure(shifted_m))
         return self._felt(suspect)
 
     def _regarded(self, suspect: Suspect) -> Suspect:
@@ -252,7 +256,8 @@ class Arrival:
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
             if not SHAPE_M < range_m < NEAR_M:
                 return suspect
-            chance = _AGAIN * suspect.chance
+            odds = _AGAIN * suspect.chance  # against 1 - chance
+            chance = odds / (odds + 1 - suspect.chance)
             return replace(suspect, chance=chance, against=suspect.against + 1)
         return self._with_sight(suspect, sight)
 
