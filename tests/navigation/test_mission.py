@@ -235,7 +235,7 @@ def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
     around = [(x_m + 5.0 * np.cos(a), y_m + 5.0 * np.sin(a)) for a in np.arange(12) * np.pi / 6]
     posts = [Thing(f"post {k}", xy) for k, xy in enumerate(around)]
     plain = Plain((*street(visible_from=within(GOAL_XY, 9.0)).things, *posts))
-    config = MissionConfig(limit_s=260.0, leg_limit_s=5.0, explores=False)
+    config = MissionConfig(limit_s=320.0, leg_limit_s=5.0, explores=False)
     goal, index = street().goal("goal", 3.9, 3.4, -2.0, 1.0), PlainIndex(street(), TEAM)
     result, _ = drive(plain, {}, goal=goal, index=index, config=config)
     check_log(result, config)
@@ -245,8 +245,7 @@ def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
     assert not any(
         "R2" in decision.why for decision in result.decisions if decision.what == "doubt"
     )
-    assert said[blocked : blocked + 4] == ["blocked", "plan again", "ledger", "route"]
-    assert not result.arrived
+    assert said[blocked : blocked + 2] == ["blocked", "plan again"] and not result.arrived
 
 
 @pytest.mark.parametrize("limit_s", [0.0, 5.0, 12.0])
