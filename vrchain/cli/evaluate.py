@@ -294,7 +294,7 @@ def goals(
 ) -> None:
     """Look at goals, and at all other houses, from all sides: which are taken for the goal?
 
-    Four minutes a suburb. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command
+    A minute or two a suburb. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command
     goes on.
     """
     from vrchain.experiments import goal_sights as experiment

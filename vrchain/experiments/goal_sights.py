@@ -104,7 +104,9 @@ def as_table(summary: dict[str, dict]) -> pd.DataFrame:
     def shown(figures: dict, name: str) -> str:
         value, interval = figures.get(name), figures.get(f"{name}_ci")
         ends = f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else ""
-        return "-" if value is None else f"{value:.4g}{ends}"
+        return (
+            str(value) if isinstance(value, int) else "-" if value is None else f"{value:.4g}{ends}"
+        )
 
     names = [n for n in summary["goal"] if not n.endswith("_ci")]
     return pd.DataFrame({k: {n: shown(f, n) for n in names} for k, f in summary.items()})
