@@ -50,7 +50,7 @@ def test_sides_are_looked_at_one_after_the_other() -> None:
     near["from_m"] = near.from_m.map(dict(zip(RANGES_M, RANGES_M[::-1], strict=True)))
     goal = summarise(near)["goal"]  # from near it is seen, which is the look at a further side
     assert [goal[n] for n in ("sure", "sure_1", "sure_2", "sure_3")] == pytest.approx(
-        np.array([1, 2, 3, 4]) / 6 if SIDES == 6 else []
+        np.array([1, 2, 3, 4]) / SIDES
     )
 
 

@@ -103,10 +103,10 @@ def as_table(summary: dict[str, dict]) -> pd.DataFrame:
 
     def shown(figures: dict, name: str) -> str:
         value, interval = figures.get(name), figures.get(f"{name}_ci")
+        if not isinstance(value, float):
+            return "-" if value is None else str(value)
         ends = f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else ""
-        return (
-            str(value) if isinstance(value, int) else "-" if value is None else f"{value:.4g}{ends}"
-        )
+        return f"{value:.4g}{ends}"
 
     names = [n for n in summary["goal"] if not n.endswith("_ci")]
     return pd.DataFrame({k: {n: shown(f, n) for n in names} for k, f in summary.items()})
@@ -119,9 +119,9 @@ def _shares(tried: pd.DataFrame) -> dict[str, object]:
         return found
     suburbs = np.unique(tried.suburb)
     again = resampled(len(suburbs), 0, "goal sights")
+    of = by_suburb(pd.Series(1, tried.index), tried.suburb, suburbs)
     for n in _MORE_SIDES:
         hits = by_suburb(tried[_sure(n)], tried.suburb, suburbs)
-        of = by_suburb(pd.Series(1, tried.index), tried.suburb, suburbs)
         found |= share(_sure(n), hits, of, again)
     return found
 
@@ -190,8 +190,10 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
                     looks.append(_Seen(house, side, range_m, look, shows))
     pictured = 0
     for goal in map(int, draws.permutation(houses)):
+        if pictured == n_goals:
+            break
         poses = goal_poses(scene, truth, goal, seed)
-        if len(poses) < GOAL_PICTURES or pictured == n_goals:
+        if len(poses) < GOAL_PICTURES:
             continue
         pictured += 1
         name = scene.objects[goal].name
