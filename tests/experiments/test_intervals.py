@@ -2,7 +2,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled, share
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, share, shown
 
 
 def test_sums_are_by_suburb_and_none_is_left_out() -> None:
@@ -44,3 +44,11 @@ def test_a_share_of_some_is_a_ratio() -> None:
     top, bottom, again = np.array([1.0, 2.0, 2.0]), np.full(3, 2.0), resampled(3, 0, "test")
     assert share("x", top, bottom, again) == ratio("x", top, bottom, again)
     assert share("x", 0 * top, 0 * top, again) == {"x": None, "x_ci": None}
+
+
+def test_figures_are_shown_with_their_intervals_counts_in_full() -> None:
+    figures = {"a": 0.12345, "a_ci": [0.1, 0.25], "b": 0.5, "n": 12_211, "none": None}
+    names = ("a", "b", "n", "none", "unknown")
+    told = ["0.123 [0.100, 0.250]", "0.500", "12211", "-", "-"]
+    assert [shown(figures, name) for name in names] == told
+    assert shown(figures, "a", ".2f") == "0.12 [0.10, 0.25]"

@@ -80,6 +80,18 @@ def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
     assert not ours.was_mistaken(Place(np.array([24.0, 0.0]), np.eye(2)))
 
 
+@pytest.mark.parametrize(("chance", "n_sides"), [(0.6, 1), (0.75, 2), (0.9, 3), (0.99, 3)])
+def test_what_is_less_likely_is_looked_at_from_fewer_sides(
+    chance: float, n_sides: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each side that leaves it unsure halves its odds."""
+    ours, seen = arrival(), suspect(8.0, chance)
+    sides = iter([seen.place] * 3)
+    monkeypatch.setattr(ours, "_sides", lambda suspect: sides)
+    assert not ours._circle(seen).is_sure(MissionConfig())
+    assert 3 - len(list(sides)) == n_sides
+
+
 def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
     told: list[str] = []
     goal = SimpleNamespace(find=lambda *asked, **fair: None)

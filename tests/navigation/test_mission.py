@@ -544,17 +544,22 @@ def test_who_lies_about_its_way_misleads_to_no_arrival_and_nobody_who_has_anothe
     assert arrived["R2", "R3"]
 
 
-@pytest.mark.parametrize(("seen", "leads"), [("blocked", False), ("a better plan", True)])
+@pytest.mark.parametrize(
+    ("seen", "trust", "leads"),
+    [("blocked", 1.0, False), ("a better plan", 1.0, True), ("a better plan", 0.8, False)],
+)
 def test_a_better_route_seen_on_the_way_to_a_lookout_is_followed(
-    seen: str, leads: bool, monkeypatch: pytest.MonkeyPatch
+    seen: str, trust: float, leads: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    """None goes to a lookout from where the goal was hardly seen."""
     better = Plan(None, (), landmark_graph(["R1"], [], {}), {}, ())
     ours = object.__new__(_Mission)
     ours.config, followed = MissionConfig(), []
     monkeypatch.setattr(ours, "log", lambda *said: None, raising=False)
-    monkeypatch.setattr(ours, "approach", lambda *asked: better if leads else seen)
+    found = better if seen == "a better plan" else seen
+    monkeypatch.setattr(ours, "approach", lambda *asked: found)
     monkeypatch.setattr(ours, "follow", lambda plan: followed.append(plan) or True)
     lookout = Tracker.of_place("where R2 looked around", Place(np.zeros(2), np.eye(2)), CALIBRATION)
-    route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5)
+    route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5, trust)
     assert ours.from_lookout(lookout, route) == leads
     assert followed == [better] * leads

@@ -15,7 +15,7 @@ import pandas as pd
 import shapely
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import by_suburb, resampled, share
+from vrchain.experiments.intervals import by_suburb, resampled, share, shown
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.experiments.workers import each
@@ -25,7 +25,7 @@ from vrchain.landmarks.record import maker_of
 from vrchain.navigation.eyes import Look, learned_eyes
 from vrchain.navigation.goal import GoalSight, goal_from
 from vrchain.navigation.places import Place
-from vrchain.navigation.suspects import Suspect
+from vrchain.navigation.suspects import EVEN, Suspect
 from vrchain.navigation.terms import MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
@@ -86,7 +86,7 @@ def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[
             "goals": len(looks.groupby(["suburb", "goal"])),
             "houses": len(houses),
             "looks": len(looks),
-            "likely": float((looks.chance >= config.likely).mean()),
+            "likely": float((looks.chance >= EVEN).mean()),
             **{
                 f"keypoints_{part}": float(looks.n_matches.quantile(q))
                 for part, q in (("median", 0.5), ("99", 0.99), ("most", 1.0))
@@ -100,16 +100,8 @@ def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[
 
 def as_table(summary: dict[str, dict]) -> pd.DataFrame:
     """The figures to read: one column a kind of house, intervals in brackets."""
-
-    def shown(figures: dict, name: str) -> str:
-        value, interval = figures.get(name), figures.get(f"{name}_ci")
-        if not isinstance(value, float):
-            return "-" if value is None else str(value)
-        ends = f" [{interval[0]:.3f}, {interval[1]:.3f}]" if interval else ""
-        return f"{value:.4g}{ends}"
-
     names = [n for n in summary["goal"] if not n.endswith("_ci")]
-    return pd.DataFrame({k: {n: shown(f, n) for n in names} for k, f in summary.items()})
+    return pd.DataFrame({k: {n: shown(f, n, ".4g") for n in names} for k, f in summary.items()})
 
 
 def _shares(tried: pd.DataFrame) -> dict[str, object]:
@@ -132,7 +124,7 @@ def _from_sides(house: pd.DataFrame, config: MissionConfig) -> list[dict[str, ob
     rows = []
     for side in range(SIDES):
         seen = list(sights[side])
-        if max((s.chance for s in seen), default=0.0) < config.likely:
+        if max((s.chance for s in seen), default=0.0) < EVEN:
             continue
         row: dict[str, object] = {"suburb": house.suburb.iloc[0]}
         for n in _MORE_SIDES:

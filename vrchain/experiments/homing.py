@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import ratio, resampled
+from vrchain.experiments.intervals import ratio, resampled, shown
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
@@ -339,13 +339,6 @@ def _catchment_m(around: pd.DataFrame) -> float:
 
 def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     """The figures to read: one row a method, intervals in brackets."""
-
-    def shown(figures: Mapping[str, object], name: str) -> str:
-        value, interval = figures[name], figures[f"{name}_ci"]
-        if not isinstance(value, float) or not isinstance(interval, list):
-            return "-"
-        return f"{value:.3f} [{interval[0]:.3f}, {interval[1]:.3f}]"
-
     names = ("angular_error_deg", "return_ratio", "catchment_m", "no_answer")
     counts = ("n_places", "n_starts", "n_clear")
     rows = {

@@ -5,6 +5,8 @@ Should Know About the Bootstrap", 2015). Of ten normal values they hold the true
 cases, not in 0.90.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -62,3 +64,12 @@ def share(
         off = float(1 - _TAIL ** (1 / n))
         found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
     return found
+
+
+def shown(figures: Mapping[str, object], name: str, form: str = ".3f") -> str:
+    """A figure to read, and its interval in brackets; counts in full, "-" where there is none."""
+    value, interval = figures.get(name), figures.get(f"{name}_ci")
+    if not isinstance(value, float):
+        return "-" if value is None else str(value)
+    ends = f" [{interval[0]:{form}}, {interval[1]:{form}}]" if isinstance(interval, list) else ""
+    return f"{value:{form}}{ends}"

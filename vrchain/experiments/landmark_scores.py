@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, shown
 from vrchain.landmarks.calibration import expected_calibration_error
 
 PRECISIONS = (0.90, 0.95, 0.98)
@@ -96,14 +96,6 @@ def _or_none(value: float) -> float | None:
 
 def as_table(summary: dict[str, dict[str, object]]) -> pd.DataFrame:
     """The main figures to read: one row a variant, intervals in brackets."""
-
-    def shown(figures: dict[str, object], name: str) -> str:
-        value, interval = figures[name], figures.get(f"{name}_ci")
-        if not isinstance(value, float):
-            return "-"
-        ends = f" [{interval[0]:.3f}, {interval[1]:.3f}]" if isinstance(interval, list) else ""
-        return f"{value:.3f}{ends}"
-
     names = ("pair_success", "precision", "recall", "false_claim_rate")
     rows = {}
     for variant, figures in summary.items():

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled, share
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, share, shown
 from vrchain.experiments.missions import Mission
 
 SOON_S = (150, 300)
@@ -118,21 +118,13 @@ def _routes(own: pd.DataFrame) -> list[dict[str, object]]:
 
 def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     """The figures to read: one row an arm, intervals in brackets."""
-
-    def shown(figures: Mapping[str, object], name: str) -> str:
-        value, interval = figures.get(name), figures.get(f"{name}_ci")
-        if not isinstance(value, float):
-            return "-" if value is None else str(value)
-        ends = f" [{interval[0]:.2f}, {interval[1]:.2f}]" if isinstance(interval, list) else ""
-        return f"{value:.2f}{ends}"
-
     names = (
         "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
         "success_given_chain", "times_alone", "spl", "spl_chain",
         "false_arrivals", "collisions", "replans", "legs", "to_landmarks", "barred",
         "seconds_simulated", "wall_s", "wall_s_per_300_s",
     )  # fmt: skip
-    rows = {arm: {n: shown(figures, n) for n in names} for arm, figures in summary.items()}
+    rows = {arm: {n: shown(figures, n, ".2f") for n in names} for arm, figures in summary.items()}
     return pd.DataFrame(rows).T.rename_axis("arm")
 
 

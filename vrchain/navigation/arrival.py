@@ -13,7 +13,7 @@ from vrchain.navigation.driving import Array, Pilot
 from vrchain.navigation.eyes import Look
 from vrchain.navigation.goal import GoalSight, KnownGoal
 from vrchain.navigation.places import Place, sighted
-from vrchain.navigation.suspects import SHAPE_M, Suspect
+from vrchain.navigation.suspects import EVEN, SHAPE_M, Suspect
 from vrchain.navigation.terms import Log
 
 _DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again
@@ -109,14 +109,20 @@ class Arrival:
         return self._give_up(suspect.place)
 
     def _circle(self, suspect: Suspect) -> Suspect:
-        """What a look at its other sides tells, until it is sure; or else none of them is it."""
+        """What a look at its other sides tells, until it is sure, or as likely none of them is it.
+
+        A side that leaves it unsure speaks against it, be it much like the goal or not at all.
+        """
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
         before, (middle_xy_m, _) = suspect.place, self._middle(suspect)
-        suspect = replace(suspect, against=0)
+        suspect, chance = replace(suspect, against=0), suspect.chance
         for side in self._sides(suspect):
             suspect = self._regarded(replace(suspect, place=side))
             if suspect.is_sure(self.pilot.config):
                 return self._close_in(suspect)
+            chance = _after(chance)
+            if chance < EVEN:
+                break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
             self._mistaken.append(middle_xy_m)
         return replace(suspect, place=before)
@@ -198,7 +204,7 @@ class Arrival:
         return not self.was_mistaken(self._place_of(sight))
 
     def _is_likely(self, suspect: Suspect) -> bool:
-        return bool(suspect.sights) and suspect.chance >= self.pilot.config.likely
+        return bool(suspect.sights) and suspect.chance >= EVEN
 
     def _is_worth_a_circle(self, suspect: Suspect) -> bool:
         """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
@@ -256,9 +262,7 @@ class Arrival:
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
             if not SHAPE_M < range_m < NEAR_M:
                 return suspect
-            odds = _AGAIN * suspect.chance  # against 1 - chance
-            chance = odds / (odds + 1 - suspect.chance)
-            return replace(suspect, chance=chance, against=suspect.against + 1)
+            return replace(suspect, chance=_after(suspect.chance), against=suspect.against + 1)
         return self._with_sight(suspect, sight)
 
     def _sides(self, suspect: Suspect) -> Iterator[Place]:
@@ -330,11 +334,7 @@ class Arrival:
         look = self.pilot.look_around()
         bearing_rad = suspect.place.bearing_rad(self.pilot.here)
         sight = self.goal.find(look, bearing_rad, _BESIDE_RAD)
-        if (
-            sight is None
-            or sight.chance < self.pilot.config.likely
-            or not suspect.is_anew(self.pilot.here)
-        ):
+        if sight is None or sight.chance < EVEN or not suspect.is_anew(self.pilot.here):
             return suspect
         return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
 
@@ -352,6 +352,12 @@ class Arrival:
 def _about(xy_m: Array) -> Place:
     """A place known to some 2 m."""
     return Place(xy_m, 4.0 * np.eye(2))
+
+
+def _after(chance: float) -> float:
+    """What is left of a chance after one more look in vain."""
+    odds = _AGAIN * chance  # against 1 - chance
+    return odds / (odds + 1 - chance)
 
 
 def _near(known_xy_m: list[Array], place: Place) -> bool:

@@ -44,6 +44,8 @@ _AFRESH = 0.8  # or so many times as sure a one by the same panoramas: from here
 _ELSEWHERE = "elsewhere"
 _DETOUR = 1.5  # times the straight way: so long a way round is not followed, if it is surely one
 _OWN = 8  # latest looks from which a route may begin
+_WORTH_SEEING = 0.9  # trust in a route, from which its goal is looked for again where it was seen:
+# in 15 of 46 missions it was found so, of routes trusted less in 3 of 54, for 45 s each
 _MOVED_M = 1.0  # nearer to each other are looks from one place
 
 
@@ -282,8 +284,9 @@ class _Mission:
             return True
         if self.arrival.is_blocked(goal):
             return False  # the route was right
-        shown, refuted = goal.range_m(pilot.here) < NEAR_M, len(self.doubts.refuted)
-        if lookout is not None and self.from_lookout(lookout, _left_of(route, len(route.legs))):
+        shown = self.arrival.was_mistaken(goal) or goal.range_m(pilot.here) < NEAR_M
+        refuted = len(self.doubts.refuted)
+        if self.from_lookout(lookout, _left_of(route, len(route.legs))):
             return True
         if len(self.doubts.refuted) > refuted:
             return False
@@ -325,8 +328,10 @@ class _Mission:
                 return False
         return self.arrival.drive_to(Suspect(place, route.score))
 
-    def from_lookout(self, lookout: Tracker, route: Route) -> bool:
-        """The goal is not where it should be: look for it from where it was seen."""
+    def from_lookout(self, lookout: Tracker | None, route: Route) -> bool:
+        """The goal is not where it should be: look for it from where it was surely seen."""
+        if lookout is None or route.trust < _WORTH_SEEING:
+            return False
         self.log("lookout", f"to {lookout.name}")
         seen = self.approach(lookout, route, self.config.approach_m)
         if seen == "near":

@@ -16,7 +16,7 @@ from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalSight, any_sight
 from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.stands import baseline_m
-from vrchain.navigation.suspects import Suspect
+from vrchain.navigation.suspects import EVEN, Suspect
 from vrchain.navigation.terms import Log
 
 _HOMES_M = 8.0  # from so near, homing is believed
@@ -99,6 +99,6 @@ class PlaceArrival(Arrival):
         if home is not None and before.range_m(here) <= _HOMES_M:
             return sighted(here, home.bearing_rad, home.remoteness)
         sight = self.goal.find(look)
-        if sight is None or sight.chance < self.pilot.config.likely:
+        if sight is None or sight.chance < EVEN:
             return None
         return self._place_of(sight)

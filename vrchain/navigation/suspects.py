@@ -9,6 +9,7 @@ from vrchain.navigation.goal import BY_CHANCE, GoalSight
 from vrchain.navigation.places import Array, Place
 from vrchain.navigation.terms import MissionConfig
 
+EVEN = 0.5  # chance of a sight that is rather of the goal than not
 SHAPE_M = 5.0  # sights from nearer show no shape
 _AGREE = 2  # sights from farther, at least, that a plain goal is known by
 _ANEW_M = 0.5  # from each other, and it is another sight
@@ -19,7 +20,6 @@ _SIDE_RAD = 0.8  # sights in directions so far apart show one side of it
 # 1341 and 1342 its side was told to be more than 3 m away in 6 of 43 sights from 2 m, and less in 2
 # of 79 from 4 to 5 m; in 7 % and 9 % it was 3.5 m.
 _GREW, _SIZE_STD, _SIZE_STD_M = 3, 0.1, 0.3  # in so many sights, at least
-_SIZED_CHANCE = 0.5  # of a sight whose size counts
 _TAKEN_STD = 0.16
 
 
@@ -66,7 +66,7 @@ class Suspect:
 
     def by_size(self) -> tuple[Array, Array] | None:
         """Where its side is by how large it looked last, (2,), and its way there as seen then."""
-        sized = [(here, s) for here, s in self.sights if s.sized and s.chance >= _SIZED_CHANCE]
+        sized = [(here, s) for here, s in self.sights if s.sized and s.chance >= EVEN]
         if not sized:
             return None
         course = np.array([here.yaw_rad + sight.bearing_rad for here, sight in sized])
