@@ -39,6 +39,7 @@ _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that 
 # Of the six around a goal, counted from where the robot stands. From 231 places that showed one of
 # 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344, it was sure from that side
 # in 75 %, with one side more in 89 %, with two in 96 %, with three in 98 %. A side costs some 17 s.
+# With so many as leave it likely, in 96 %, after 0.3 sides; other houses were left after 0.9.
 _SIDES = (1, 2, 3)
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
@@ -109,9 +110,9 @@ class Arrival:
         return self._give_up(suspect.place)
 
     def _circle(self, suspect: Suspect) -> Suspect:
-        """What a look at its other sides tells, until it is sure, or as likely none of them is it.
+        """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
 
-        A side that leaves it unsure speaks against it, be it much like the goal or not at all.
+        Each side that leaves it unsure speaks against it, much like the goal or not at all.
         """
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
         before, (middle_xy_m, _) = suspect.place, self._middle(suspect)
