@@ -40,10 +40,9 @@ class MissionConfig:
     surest_looks: float = 3.2
     surest_matches: int = 24
     least_matches: int = 8  # fewer, down to this, as a plain goal's pictures show few
-    likely: float = (
-        0.7  # chance of a sight from which nothing else is tried first: of 54 times that
-    )
-    # it was of 0.5 to 0.7, in suburbs of seeds 10046 and 10047, 12 were right
+    # Chance of a sight from which nothing else is tried first: of 54 times that it was 0.5 to 0.7,
+    # in suburbs of seeds 10046 and 10047, 12 were right.
+    likely: float = 0.7
     least_chance: float = 0.1  # of a sight that is kept in mind
     least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too
     explores: bool = True  # whether it goes and looks elsewhere where no route leads on
