@@ -147,7 +147,7 @@ class Ground:
             rejected[found] = rejected.get(found, 0) + 1
         raise MissionError(
             f"found no mission in {self.scene.name} with {n_robots} robots in {most} draws "
-            f"({rejected}): try another scene, or more robots"
+            f"({rejected}): try another seed or scene, or more robots"
         )
 
     def _draw(

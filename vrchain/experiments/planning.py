@@ -427,11 +427,12 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     """
     rows = []
     for (rule, p, method), group in drives.groupby(["rule", "p", "method"], sort=False):
+        n_worlds = group.world.nunique()
+        again = resampled(n_worlds, seed, "planning")
         for most in (1, 2, 3, MAX_DRIVES):
             arrived = group.drives <= most
             by_world = arrived.groupby(group.world).mean().to_numpy()
-            again = resampled(len(by_world), seed, "planning")
-            low, high = interval(by_world[again].mean(axis=1), len(by_world))
+            low, high = interval(by_world[again].mean(axis=1), n_worlds)
             line = PUBLISHED_SHARES.get(str(method)) if (rule, most) == ("drive", 1) else None
             rows.append(
                 {

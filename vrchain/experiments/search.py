@@ -14,7 +14,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import resampled, share
+from vrchain.experiments.intervals import ratio, resampled, share
 from vrchain.experiments.landmarks import draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
@@ -67,11 +67,11 @@ def evaluate(
 
 
 def summarise(found: pd.DataFrame) -> dict[str, dict]:
-    """By way: first_right and nobody_right with intervals, ms a goal, and how many goals.
+    """By way: first_right, nobody_right, precision and recall, ms a goal, and how many goals.
 
-    precision and recall: of the panoramas answered; precision is None where none was.
-    Intervals: 95 %, bootstrap over goals. ratio: how many times faster than SIFT, and recall of
-    both, are of the goals that SIFT looked up as well.
+    precision and recall: of the panoramas answered; precision is None where none was. Intervals:
+    95 %, bootstrap over goals. "side by side": how many times faster than SIFT, and recall of both,
+    of the goals that SIFT looked up as well.
     """
     summary = {}
     for way in WAYS:
@@ -83,8 +83,8 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
             "n": len(there),
             **_right("first_right", there.right),
             **_right("nobody_right", gone.right),
-            "precision": _share(there.found, there.answered),
-            "recall": _share(there.found, there.showing),
+            **_over("precision", there.found, there.answered),
+            **_over("recall", there.found, there.showing),
             "ms_per_goal": float(own.s.median() * 1e3),
         }
     both = found[found.groupby(["scene", "goal"]).way.transform("nunique") == len(WAYS)]
@@ -101,9 +101,10 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
     return summary
 
 
-def _share(part: pd.Series, whole: pd.Series) -> float | None:
-    """None: of nothing."""
-    return float(part.sum() / whole.sum()) if whole.sum() else None
+def _over(name: str, part: pd.Series, whole: pd.Series) -> dict[str, object]:
+    """NAME and NAME_ci: panoramas over panoramas, a value a goal; None: of nothing."""
+    top, bottom = part.to_numpy(dtype=float), whole.to_numpy(dtype=float)
+    return ratio(name, top, bottom, resampled(len(top), 0, "search"))
 
 
 def _right(name: str, right: pd.Series) -> dict[str, object]:
