@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -96,6 +97,14 @@ def test_a_second_run_reads_what_the_first_found(tmp_path: Path) -> None:
         pd.testing.assert_frame_equal(a, b)
     summary = summarise(*first)["sift"]
     assert summary["n_pairs"] == 3 and 0 < summary["recall"] <= 1
+
+
+@pytest.mark.slow
+def test_in_one_world_pairs_are_told_apart_as_suburbs_are(tmp_path: Path) -> None:
+    one = replace(suburbs(SceneSpec()), varied=False)
+    claims, pairs = evaluate(one, 2, (2.0, 8.0), [row("sift")], seed=3000, folder=tmp_path)
+    assert pairs.suburb.tolist() == [0, 1] and set(claims.suburb) <= {0, 1}
+    assert summarise(claims, pairs)["sift"]["n_pairs"] == 2
 
 
 def test_the_accused_are_counted_by_where_they_stand() -> None:

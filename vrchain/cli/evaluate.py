@@ -76,7 +76,9 @@ def landmarks(
 
 @app.command()
 def strangers(
-    spec: Spec = SUBURB,
+    spec: Annotated[
+        Path, typer.Argument(metavar="[SPEC]", help="A scene file: a world has no second suburb.")
+    ] = SUBURB,
     pairs: Annotated[
         int, typer.Option(help="Half within one suburb, half across two; 1000 to report.")
     ] = 40,
@@ -284,7 +286,7 @@ def navigation(
 @app.command()
 def goals(
     spec: Spec = SUBURB,
-    suburbs: Annotated[int, typer.Option(help="How many.")] = 4,
+    suburbs: Annotated[int, typer.Option(help="How many; a world is one.")] = 4,
     most: Annotated[int, typer.Option("--goals", help="Of each suburb, at most.")] = 14,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,

@@ -58,16 +58,18 @@ def evaluate(
 
     n_goals: of each suburb, at most. Columns: suburb, goal, house (that is looked at), own (whether
     it is the goal; else the look does not show the goal at all), side, from_m, and those of
-    ``GoalSight``. MissionError if nothing is asked for.
+    ``GoalSight``. A world that stays as it is is one suburb; its goals are numbered as suburbs are,
+    so that intervals are over them. MissionError if nothing is asked for.
     """
     if min(n_suburbs, n_goals) < 1:
         raise MissionError(f"expected 1 suburb and goal or more, got {n_suburbs} and {n_goals}")
     own = folder / name_of([code_digest(), scenes.digest, n_goals, seed, maker_of()])
-    files = [own / f"suburb_{k:02d}.json" for k in range(n_suburbs)]
+    files = [own / f"suburb_{k:02d}.json" for k in range(n_suburbs if scenes.varied else 1)]
     left = [k for k, file in enumerate(files) if not file.exists()]
     each(partial(_save, scenes, seed, n_goals, files), left, jobs, "suburbs")
     tables = [pd.DataFrame(json.loads(file.read_text())) for file in files]
-    return pd.concat([t.assign(suburb=k) for k, t in enumerate(tables)], ignore_index=True)
+    found = pd.concat([t.assign(suburb=k) for k, t in enumerate(tables)], ignore_index=True)
+    return found if scenes.varied else found.assign(suburb=pd.factorize(found.goal)[0])
 
 
 def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[str, dict]:

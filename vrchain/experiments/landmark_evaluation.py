@@ -63,7 +63,8 @@ def evaluate(
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Claims and pairs of ``n_pairs`` random pairs, one row each (see ``_suburb``).
 
-    What was found already under ``folder`` is read from there.
+    suburb: in a world that stays as it is, each pair has a number of its own: intervals are over
+    pairs there. What was found already under ``folder`` is read from there.
     """
     if n_pairs < 1 or not 0 < spacing_m[0] <= spacing_m[1] < np.inf:
         raise MissionError(
@@ -85,7 +86,10 @@ def evaluate(
     table = table[table.groupby("variant").cumcount() < n_pairs]
     made = pd.DataFrame(claims, columns=["suburb", *_CLAIM])
     drawn = table[["suburb", "pair"]].drop_duplicates()
-    return made.merge(drawn, on=["suburb", "pair"]), table
+    made = made.merge(drawn, on=["suburb", "pair"])
+    if not scenes.varied:
+        made, table = (t.assign(suburb=t.suburb * PAIRS_A_SUBURB + t.pair) for t in (made, table))
+    return made, table
 
 
 def _own_folder(
