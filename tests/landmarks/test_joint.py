@@ -148,7 +148,10 @@ def test_a_published_record_is_used_again_if_it_fits() -> None:
     )
     assert len(record_from(panorama, encode_record(marked)).proposals) == 2
     elsewhere = encode_record(replace(marked, maker="ab" * 32))
-    for unfit in (None, b"damaged", elsewhere):
+    looks, spots = marked.proposals.embedding[:, :8], marked.spots.descriptors[:, :7]
+    narrow = replace(marked, proposals=replace(marked.proposals, embedding=looks))
+    few = replace(marked, spots=replace(marked.spots, descriptors=spots))
+    for unfit in (None, b"damaged", elsewhere, encode_record(narrow), encode_record(few)):
         again = record_from(panorama, unfit)
         assert again.maker == own.maker and len(again.proposals) > 2
 

@@ -5,7 +5,8 @@ import pytest
 from vrchain.landmarks.raster import CELL_PX, ROWS
 
 torch = pytest.importorskip("torch", reason="the network needs torch (extra `learned`)")
-from vrchain.landmarks.network import ANSWERS, LOCAL, Network  # noqa: E402
+from vrchain.landmarks.network import ANSWERS, Network  # noqa: E402
+from vrchain.landmarks.proposer import LOCAL  # noqa: E402
 
 TURN = 32  # pixels of the coarsest cell that takes part
 

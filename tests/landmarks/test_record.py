@@ -149,6 +149,21 @@ def test_a_header_that_lies_is_refused(key: str, value: object) -> None:
         decode_record(blob[:8] + struct.pack(">I", len(table)) + table + blob[end:])
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("range_m", 3e38), ("range_m", -1.0), ("box", 1e30), ("bearing_rad", np.inf), ("kind", 99)],
+)
+def test_what_no_robot_sees_is_refused(name: str, value: float) -> None:
+    """It would lead whoever plans by it out of this world."""
+    known = record(5)
+    told = np.array(getattr(known.proposals, name))
+    told[0] = value
+    with pytest.raises(ImageError, match="landmark record: expected"):
+        decode_record(
+            encode_record(replace(known, proposals=replace(known.proposals, **{name: told})))
+        )
+
+
 def test_a_bomb_is_not_unpacked() -> None:
     blob = encode_record(record(5))
     end = 12 + struct.unpack(">I", blob[8:12])[0]

@@ -59,6 +59,14 @@ def test_what_no_way_led_to_is_tried_once_more() -> None:
     assert not ours.drive_to(far) and ours.was_mistaken(far.place)
 
 
+def test_what_surely_is_the_goal_is_blocked_where_it_was_seen_not_at_its_far_side() -> None:
+    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 60, 3.0, 0.95)
+    seen = Suspect(Place(np.array([8.0, 0.0]), np.eye(2)), 0.95, ((Pose(0.0, 0.0), sight),))
+    ours = arrival()
+    assert not ours.drive_to(seen) and ours.is_blocked(seen.place)
+    assert not ours.drive_to(seen) and ours.was_mistaken(seen.place)
+
+
 def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
     ours, near = arrival(), suspect(10.0)
     ours.suspects.append(suspect(10.5))  # the same, noted at another look

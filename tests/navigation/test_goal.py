@@ -58,7 +58,7 @@ def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
     assert GOAL.find(look, HERE.bearing_to_rad((0.0, -10.0)), 0.1) is None
     empty = Plain((Thing("gone", (5.0, 0.0), visible_from=lambda pose: False),)).look(HERE)
     assert GOAL.find(empty) is None
-    assert GoalPictures(sought([]), Goal(()), CALIBRATION).find(look) is None
+    assert GoalPictures(sought([]), Goal(()), CALIBRATION, ()).find(look) is None
 
 
 def test_without_spots_and_keypoints_looks_alone_prove_nothing() -> None:

@@ -2,6 +2,8 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, replace
 from itertools import pairwise
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -24,6 +26,7 @@ from vrchain.geometry import Pose, relative
 from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.landmarks.recognition import Goal
 from vrchain.landmarks.sought import sought
+from vrchain.navigation.arrival import Arrival
 from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalPictures, GoalSight
 from vrchain.navigation.graph import landmark_graph
@@ -163,7 +166,7 @@ def test_a_goal_that_is_nowhere() -> None:
     goal = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
     result, _ = drive(street(), TEAM, goal=goal)
     assert not result.arrived and "shows the goal" in result.reason
-    blank = GoalPictures(sought([]), Goal(()), CALIBRATION)
+    blank = GoalPictures(sought([]), Goal(()), CALIBRATION, ())
     result, _ = drive(street(), TEAM, goal=blank)
     assert not result.arrived
 
@@ -199,6 +202,29 @@ def test_what_vanishes_is_looked_for_where_it_was_and_given_up() -> None:
     assert "no other robot's panorama shows the goal" in result.reason  # R2 is not believed twice
     keys = [route.legs[0].key for _, route in result.plans]
     assert len(set(keys)) == len(keys)  # no landmark that failed is tried again
+
+
+def test_what_was_blocked_before_and_shows_nothing_now_is_not_driven_to_for_ever(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As it was met: the same route, planned and left again on the spot, while time stood still."""
+    seen_by_r2 = lambda p: p.x_m == TEAM["R2"].x_m  # noqa: E731
+    plain = Plain((Thing("goal", GOAL_XY, visible_from=seen_by_r2), *street().things[1:]))
+    monkeypatch.setattr(Arrival, "is_blocked", lambda self, place: True)
+    result, _ = drive(plain, TEAM)
+    check_log(result)
+    assert "no other robot's panorama shows the goal" in result.reason  # R2 is not believed twice
+    assert words(result).count("route") <= 2
+
+
+def test_who_comes_by_again_from_elsewhere_is_led_to_a_landmark_anew() -> None:
+    ours = object.__new__(_Mission)
+    ours.reached = {(b"", b"R2", 5): Pose(0.0, 0.0)}
+    leg = Leg("R1", "R2", cast(Any, None), (b"", b"R2", 5), "N1")
+    for x_m, reached in ((12.0, True), (60.0, False)):
+        ours.pilot = cast(Any, SimpleNamespace(here=Pose(x_m, 0.0)))
+        assert ours.was_reached(leg) == reached
+    assert not ours.was_reached(replace(leg, key=(b"", b"R3", 5)))
 
 
 def test_a_robot_that_is_shut_in_is_blocked_and_gives_up() -> None:

@@ -3,6 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, placed, wrap_angle_rad
+from vrchain.navigation.terms import GaveUp
 from vrchain.navigation.ways import Ways
 from vrchain.robot import steer
 
@@ -78,6 +79,30 @@ def test_where_there_was_no_headway_something_is_taken_to_be() -> None:
     ways = Ways()
     ways.block(HERE, 0.0)
     assert abs(ways.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
+
+
+def test_what_the_ring_sees_through_is_no_way_until_the_robot_has_been_elsewhere() -> None:
+    """As between two posts, where steering does not go."""
+    ways, target, nothing = Ways(), np.array([6.0, 0.0]), np.full(len(BEAMS), 8.0)
+    ways.note(HERE, nothing)
+    ways.block(HERE, 0.0)
+    ways.note(HERE, nothing)
+    assert abs(ways.course_rad(HERE, target, 1.0)) > 0.2
+    for x_m in (-3.5, 0.0):
+        ways.note(Pose(x_m, 0.0), nothing)
+    assert abs(ways.course_rad(HERE, target, 1.0)) < 0.1
+
+
+def test_memory_begins_where_the_robot_does_and_has_an_end() -> None:
+    ways, far, nothing = Ways(), Pose(5000.0, -5000.0, 0.0), np.full(len(BEAMS), 8.0)
+    ways.note(far, nothing)
+    assert abs(ways.course_rad(far, far.xy_m + np.array([1e9, 0.0]), 1.0)) < 0.1
+    assert ways.lengths_m(far, far.xy_m + np.array([[10.0, 0.0]]))[0] == pytest.approx(
+        10.0, abs=0.5
+    )
+    ways.note(Pose(5301.0, -5000.0), nothing)
+    with pytest.raises(GaveUp, match="more than 300 m from where it began"):
+        ways.course_rad(Pose(5301.0, -5000.0), far.xy_m, 1.0)
 
 
 def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
+import shapely
 from numpy.typing import NDArray
 
 from vrchain.experiments.task import Task, draw_task, goal_pictures, scene_task
@@ -184,8 +185,6 @@ def save_log(run: MissionRun, folder: Path) -> None:
 
 
 def _range_m(scene: Scene, goal: str, pose: Pose) -> float:
-    import shapely
-
     return float(scene.objects[scene.index_of(goal)].footprint.distance(shapely.Point(*pose.xy_m)))
 
 

@@ -20,6 +20,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.calibration import Calibration, load_calibration
 from vrchain.landmarks.common import Comparison
 from vrchain.landmarks.joint import JointConfig, compare_joint
+from vrchain.landmarks.proposer import EMBEDDED, LOCAL
 from vrchain.landmarks.recognition import (
     LOWEST_SLOPE,
     RATIO,
@@ -48,6 +49,7 @@ _AMONG = 10  # proposals of a panorama, the most alike, whose spots are compared
 _SHORT, _LONG = 40, 120  # panoramas looked at more closely; where some are known to show it
 _BY_LOOKS = 2  # times as many are chosen by looks alone before
 _MORE_SIDES = 16  # of those that are known to show it, from which it is sought anew
+_WIDTHS = EMBEDDED, LOCAL
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,15 +95,16 @@ def record_from(
 ) -> LandmarkRecord:
     """A published panorama's record, as it was published with it.
 
-    Extracted again where none was published, or a damaged one, or one of other weights. ImageError
-    if the panorama is none.
+    Extracted again where none was published, or a damaged one, or one of other weights, or one that
+    only says it is of these: it may be anything. ImageError if the panorama is none.
     """
     taken = Panorama.decode(panorama)
     moved: Pose | None = None
     if landmarks is not None:
         with contextlib.suppress(ImageError):
             stored = decode_record(landmarks)
-            if stored.maker == maker_of(weights) and stored.rig == taken.rig:
+            widths = stored.proposals.embedding.shape[1], stored.spots.descriptors.shape[1]
+            if (stored.maker, stored.rig, widths) == (maker_of(weights), taken.rig, _WIDTHS):
                 return stored
             moved = stored.moved
     return replace(examine(taken, weights), moved=moved)

@@ -12,10 +12,8 @@ import torch.nn.functional as F
 from torch import Tensor, nn
 
 from vrchain.landmarks.backbone import MEAN_RGB, SPREAD_RGB, Backbone
-from vrchain.landmarks.proposer import KINDS
+from vrchain.landmarks.proposer import EMBEDDED, KINDS, LOCAL
 
-EMBEDDED = 64  # numbers that say what a landmark looks like
-LOCAL = 32  # numbers that say what a cell looks like, to find the same spot from elsewhere
 # channels of each answer: is it a landmark; how well its box fits; log of cells to the box's left,
 # top, right and bottom; its middle: bearing from the cell (0.1 rad), log of range (10 m), and the
 # logs of how unsure each is; its kind; what it looks like

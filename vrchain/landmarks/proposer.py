@@ -26,6 +26,8 @@ KINDS = (
     "house", "shop", "barn", "tree", "bush", "hedge", "fence", "wall", "vehicle", "mailbox",
     "lamp", "pole", "sign", "bin", "hydrant",
 )  # fmt: skip
+EMBEDDED = 64  # numbers that say what a landmark looks like
+LOCAL = 32  # numbers that say what a cell looks like, to find the same spot from elsewhere
 BEARING_UNIT_RAD, RANGE_UNIT_M = 0.1, 10.0  # the network's units of a landmark's middle
 _LEAST_SCORE = 0.2
 _LEAST_LANDMARK = 0.5  # probability from which a cell belongs to a landmark

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.proposer import Proposals, propose
+from vrchain.landmarks.proposer import KINDS, Proposals, propose
 from vrchain.landmarks.raster import CELL_PX, ROWS, cell_slopes, columns_of
 from vrchain.landmarks.sift import Features, extract
 from vrchain.landmarks.spots import NO_SPOTS, Spots, described, descriptors_of, ranks, spots_of
@@ -27,7 +27,8 @@ _MAGIC = b"VRLAND\x00\x02"
 _MAX_BYTES = 4_000_000
 _ANGLE = 2**15 / np.pi  # angles and slopes as 16-bit numbers
 _SLOPE = 2**13
-_FARTHEST_M = 10_000.0  # that a robot may have moved since the panorama before
+_FARTHEST_M = 10_000.0  # that a robot may have moved since the panorama before, or sees
+_LARGEST = 100.0  # of scores, angles, slopes and shares
 
 
 @dataclass(frozen=True)
@@ -188,8 +189,14 @@ def decode_record(blob: bytes) -> LandmarkRecord:
     grid = read("<u1", cells)
     bearing, slope, size_rad = read("<i2", k), read("<i2", k), read("<u2", k)
     descriptors, spots = read("<u1", k, 128), read("<i1", s, local)
-    if not np.isfinite(numbers).all() or (grid[grid < 255] >= n).any():
-        raise ImageError("landmark record: expected finite numbers and owners that are there")
+    range_m, others = numbers[:, 2], np.delete(numbers, 2, axis=1)
+    if not ((range_m >= 0) & (range_m <= _FARTHEST_M)).all() or not (abs(others) <= _LARGEST).all():
+        raise ImageError(
+            f"landmark record: expected ranges up to {_FARTHEST_M:g} m and other numbers up to "
+            f"{_LARGEST:g}"
+        )
+    if (grid[grid < 255] >= n).any() or (kinds >= len(KINDS)).any():
+        raise ImageError("landmark record: expected owners and kinds that are there")
     cell = np.flatnonzero(grid < 255)
     length = np.maximum(np.linalg.norm(embedding, axis=1, keepdims=True), 1e-9)
     proposals = Proposals(

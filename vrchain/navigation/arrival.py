@@ -100,14 +100,15 @@ class Arrival:
         suspect = self._driven_on(suspect, _TRIES)
         if self._is_claimed(suspect):
             return True
+        before = suspect.place
         for side in self._sides(suspect):
             suspect = self._regarded(replace(suspect, place=side))
             suspect = self._driven_on(self._close_in(suspect), 1)
             if self._is_claimed(suspect):
                 return True
         if not suspect.is_sure(self.pilot.config):
-            return self._doubt(suspect)
-        return self._give_up(suspect.place)
+            return self._doubt(replace(suspect, place=before))
+        return self._give_up(before)
 
     def _circle(self, suspect: Suspect) -> Suspect:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.

@@ -1,9 +1,9 @@
 """The goal as a robot knows it, by pictures alone, and finding it in what is seen.
 
-Three things speak for a proposal being the goal: that it looks alike as a whole, that its spots are
-those of the pictures at about the same height above the ground, and that keypoints agree with one
-of the pictures. Those on the goal itself: what stands before it stands elsewhere too. A logistic
-regression weighs them.
+Three things speak for a proposal being the goal: that it looks alike as a whole, how alike its
+spots are to those of the pictures at about the same height above the ground, and that keypoints
+agree with one of the pictures. Those on the goal itself: what stands before it stands elsewhere
+too. A logistic regression weighs them, and how far the proposal is: from afar less can be alike.
 """
 
 from collections.abc import Callable, Sequence
@@ -83,7 +83,7 @@ class GoalPictures:
     shown: Sought
     keypoints: Goal
     calibration: Calibration
-    taken_m: tuple[float, ...] = ()
+    taken_m: tuple[float, ...]
 
     def find(
         self,

@@ -1,8 +1,8 @@
 """A mission: look around, plan a chain of landmarks, drive it leg by leg, home to the goal.
 
 The robot decides from its observations and the ledger's panoramas. Where nothing leads on it goes
-and looks elsewhere, and plans again. Every decision is logged with the panorama that it rested on,
-so that a mission can be read, and replayed in pictures.
+and looks elsewhere, and plans again. Every decision is logged, with the panorama that it rested on
+where it rested on one, so that a mission can be read, and replayed in pictures.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -45,6 +45,7 @@ _ELSEWHERE = "elsewhere"
 _DETOUR = 1.5  # times the straight way: so long a way round is not followed, if it is surely one
 _OWN = 8  # latest looks from which a route may begin
 _MOVED_M = 1.0  # nearer to each other are looks from one place
+_REACHED_M = 25.0  # a landmark that was reached from farther away is led to again
 # Trust in a route from which its goal is looked for again where it was seen: 15 of 51 times it was
 # found so, by routes trusted less 3 of 54 times, for 45 s each.
 _WORTH_SEEING = 0.9
@@ -129,7 +130,7 @@ class _Mission:
         self.failed: set[LandmarkKey] = set()
         self.own: list[tuple[Pose, Look, int]] = []  # where it planned, what it saw; latest first
         self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
-        self.reached: set[LandmarkKey] = set()
+        self.reached: dict[LandmarkKey, Pose] = {}  # and from where, last
         self.driven: Driven | None = None
         self.doubts = Doubts(pilot.eyes, index, self.log)
         self.arrival = (
@@ -252,7 +253,7 @@ class _Mission:
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
             later = [t.place for t in trackers[k:]] + ([goal] if goal else [])
             same = passed and leg.node == route.legs[passed - 1].node
-            if same or leg.key in self.reached or _is_idle(tracker.place, later, pilot.here, leg):
+            if same or self.was_reached(leg) or _is_idle(tracker.place, later, pilot.here, leg):
                 continue
             ended = self.lead("leg", tracker, route, passed, self.config.approach_m)
             if not isinstance(ended, str):
@@ -265,11 +266,13 @@ class _Mission:
                 "reached", f"{tracker.name} is near", seen=tracker.seen,
                 landmark=bool(len(tracker.embedding)),
             )  # fmt: skip
-            self.reached.add(leg.key)
+            self.reached[leg.key] = pilot.here
             passed = k
         if len(trackers) < len(route.legs) or goal is None:
             if not passed:  # or else from here it will see more
-                lost = route.legs[min(len(trackers), len(route.legs) - 1)]
+                stand = found.joins.stand
+                unknown = (leg for leg in route.legs if stand(leg.seen_by, leg.next_by) is None)
+                lost = next(unknown, route.legs[-1])
                 self.log("lost", f"nothing tells how far {lost.next_by} is from {lost.seen_by}")
                 self.failed.add(lost.key)
             return False
@@ -281,9 +284,10 @@ class _Mission:
             if ended == _ELSEWHERE:
                 return False
             goal = far.place
+        tried = self.arrival.is_blocked(goal)
         if self.home(goal, route):
             return True
-        if self.arrival.is_blocked(goal):
+        if not tried and self.arrival.is_blocked(goal):
             return False  # the route was right
         shown = self.arrival.was_mistaken(goal) or goal.range_m(pilot.here) < NEAR_M
         refuted = len(self.doubts.refuted)
@@ -296,6 +300,11 @@ class _Mission:
             return False
         self.doubts.found_nothing(goal, driven)
         return False
+
+    def was_reached(self, leg: Leg) -> bool:
+        """Whether a leg's landmark was reached, from around here."""
+        stood = self.reached.get(leg.key)
+        return stood is not None and stood.distance_to_m(self.pilot.here.xy_m) < _REACHED_M
 
     def turn_to(self, seen: Suspect | Plan) -> bool:
         """To what came into view instead; True if it leads to the goal."""
@@ -327,7 +336,7 @@ class _Mission:
                 return True
             if np.hypot(*(suspect.place.xy_m - place.xy_m)) < SAME_M:
                 return False
-        return self.arrival.drive_to(Suspect(place, route.score))
+        return self.arrival.drive_to(Suspect(place, route.trust))
 
     def from_lookout(self, lookout: Tracker | None, route: Route) -> bool:
         """The goal is not where it should be: look for it from where it was surely seen."""

@@ -56,7 +56,8 @@ class GoalPlace:
 
     def homing(self, look: Look) -> HomeVector | None:
         """The way there from near; None: too little speaks for it."""
-        home = home_vector(look.features, self.look.features, ARRIVED_M)
+        height_m = look.rig.camera_height_m
+        home = home_vector(look.features, self.look.features, ARRIVED_M, height_m)
         return home if home is not None and home.n_matches >= _SURE_MATCHES else None
 
 

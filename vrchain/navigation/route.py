@@ -40,7 +40,7 @@ LandmarkKey = tuple[bytes, bytes, int]
 class Leg:
     """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
 
-    node: the landmark's name in ``LandmarkGraph.networkx``. chance: that it leads on. trust: that
+    node: the landmark's name in ``LandmarkGraph.name``. chance: that it leads on. trust: that
     the two panoramas were joined rightly.
     """
 
@@ -230,7 +230,7 @@ def _by_odometry(a: str, b: str) -> Claim:
     """Between two panoramas of one robot: what its odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
     none = np.empty(0, dtype=np.int64)
-    way = CommonLandmark(_BY_ODOMETRY, nowhere, replace(nowhere), none, none)
+    way = CommonLandmark(_BY_ODOMETRY, nowhere, nowhere, none, none)
     return Claim(a, b, way, _BY_ODOMETRY)
 
 

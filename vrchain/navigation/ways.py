@@ -15,14 +15,15 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from vrchain.geometry import Pose
+from vrchain.navigation.terms import GaveUp
 
 Array = NDArray[np.float64]
 
 _CELL_M = 0.2  # of the memory
 _STEP_CELLS = 2  # between nodes of a way
-_HALF_CELLS = 1500  # the memory reaches 300 m each way
+_HALF_CELLS = 1500  # the memory reaches 300 m each way from where it begins
 _CLEARED_M = 3.0  # within which a beam that goes on shows that there is nothing
-_BLOCKED_M = 0.7
+_BLOCKED_M, _HELD_M = 0.7, 6.0  # so far ahead, and for so much way, though beams may pass there
 _KEPT_M = 80.0  # of way driven since it was met
 _RADIUS_M = 0.47  # nothing is nearer to a way than this
 _ROOM_M = 0.9  # and ways keep this distance where that costs little
@@ -42,11 +43,15 @@ class Ways:
         default_factory=lambda: np.full((2 * _HALF_CELLS,) * 2, -np.inf, dtype=np.float32)
     )
     _last: Pose | None = None
+    _begin_xy_m: Array = field(default_factory=lambda: np.zeros(2))
+    _blocks: list[tuple[float, Array]] = field(default_factory=list)
 
     def note(self, here: Pose, range_ring_m: ArrayLike) -> None:
         """Take in a reading of the range ring, (n_beams,), all around."""
         ring = np.asarray(range_ring_m, dtype=float)
-        if self._last is not None:
+        if self._last is None:
+            self._begin_xy_m = here.xy_m
+        else:
             self.driven_m += self._last.distance_to_m(here.xy_m)
         self._last = here
         angle = here.yaw_rad + 2 * np.pi * np.arange(len(ring)) / len(ring)
@@ -57,12 +62,20 @@ class Ways:
         self._met[self._cells(through[free])] = -np.inf
         hit = ring < self.reach_m
         self._met[self._cells(here.xy_m + rays[hit] * ring[hit, None])] = self.driven_m
+        self._blocks = [b for b in self._blocks if self.driven_m - b[0] < _HELD_M]
+        for since_m, points in self._blocks:
+            self._met[self._cells(points)] = since_m
 
     def block(self, here: Pose, course_rad: float) -> None:
-        """No headway in this direction: something is there, until the range ring sees past it."""
+        """No headway in this direction: something is there, though the range ring may see past it.
+
+        Such as between two posts: it is a way again after some more driving, if it is seen free.
+        """
         course = np.array([np.cos(course_rad), np.sin(course_rad)])
         across = np.array([-course[1], course[0]]) * np.linspace(-0.5, 0.5, 7)[:, None]
-        self._met[self._cells(here.xy_m + _BLOCKED_M * course + across)] = self.driven_m
+        points = here.xy_m + _BLOCKED_M * course + across
+        self._blocks.append((self.driven_m, points))
+        self._met[self._cells(points)] = self.driven_m
 
     def course_rad(self, here: Pose, target_xy_m: Array, within_m: float) -> float | None:
         """In which direction, in the odometry's frame, to drive to get that near.
@@ -112,17 +125,22 @@ class Ways:
         return np.where(away_m < 2 * _STEP_CELLS * _CELL_M, length[nearest], np.inf)
 
     def _search(self, here: Pose, places_xy_m: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Free places (n, 2) around here and others, the way to each (n,), and the one before."""
+        """Free places (n, 2) around here and others, the way to each (n,), and the one before.
+
+        GaveUp where the robot has left its memory behind.
+        """
+        reach_m = _HALF_CELLS * _CELL_M
+        if np.abs(here.xy_m - self._begin_xy_m).max() >= reach_m:
+            raise GaveUp(f"more than {reach_m:g} m from where it began: it remembers no farther")
         low = np.minimum(here.xy_m, places_xy_m.min(axis=0)) - _MARGIN_M
         high = np.maximum(here.xy_m, places_xy_m.max(axis=0)) + _MARGIN_M
-        corner, end = (np.clip(np.floor(p / _CELL_M).astype(int) + _HALF_CELLS, 0,
-                               2 * _HALF_CELLS) for p in (low, high))  # fmt: skip
+        corner, end = (self._cell(p, 2 * _HALF_CELLS) for p in (low, high))
         met = self._met[corner[1] : end[1], corner[0] : end[0]] > self.driven_m - _KEPT_M
         room_m = cv2.distanceTransform((~met).astype(np.uint8), cv2.DIST_L2, 5) * _CELL_M
         room_m = room_m[::_STEP_CELLS, ::_STEP_CELLS]
         rows, columns = room_m.shape
         spacing = _CELL_M * _STEP_CELLS
-        origin = (corner - _HALF_CELLS + 0.5) * _CELL_M
+        origin = self._begin_xy_m + (corner - _HALF_CELLS + 0.5) * _CELL_M
         start = np.round((here.xy_m - origin) / spacing).astype(int)
         start = np.clip(start, 0, (columns - 1, rows - 1))
         y, x = np.mgrid[:rows, :columns]
@@ -139,9 +157,12 @@ class Ways:
         return np.stack([x[free], y[free]], axis=1) * spacing + origin, length, before
 
     def _cells(self, points_m: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        cell = np.floor(points_m / _CELL_M).astype(int) + _HALF_CELLS
-        x, y = np.clip(cell, 0, 2 * _HALF_CELLS - 1).T
+        x, y = self._cell(points_m, 2 * _HALF_CELLS - 1).T
         return y, x
+
+    def _cell(self, points_m: Array, last: int) -> NDArray[np.int64]:
+        cell = np.floor((points_m - self._begin_xy_m) / _CELL_M) + _HALF_CELLS
+        return np.clip(cell, 0, last).astype(np.int64)
 
 
 def _grid_graph(number: NDArray[np.int64], dear: Array, spacing_m: float) -> csr_array:

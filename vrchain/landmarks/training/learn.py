@@ -24,8 +24,8 @@ from tqdm.auto import tqdm
 
 from vrchain.files import name_of, write_file
 from vrchain.landmarks.backbone import load_backbone
-from vrchain.landmarks.network import EMBEDDED, Network
-from vrchain.landmarks.proposer import BEARING_UNIT_RAD
+from vrchain.landmarks.network import Network
+from vrchain.landmarks.proposer import BEARING_UNIT_RAD, EMBEDDED
 from vrchain.landmarks.training.examples import (
     ExampleConfig,
     Examples,
