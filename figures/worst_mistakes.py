@@ -31,10 +31,12 @@ def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
         keypoints = tuple(variant.keypoints(look) for look in looks)
         verdicts = judge(found, truth, (a, b), keypoints, rig)
         for claim, verdict in zip(found.common, verdicts, strict=True):
+            if verdict.duplicate:
+                continue
             shows = verdict.object_a, verdict.object_b
             rows.append({"spacing_m": a.distance_to_m(b.xy_m), "score": claim.score,
                          "right": verdict.right, "in_a": shows[0], "in_b": shows[1]})  # fmt: skip
-            if not verdict.right and not verdict.duplicate:
+            if not verdict.right:
                 wrong.append(Mistake(*panoramas, claim, shows, a.distance_to_m(b.xy_m)))
     table = pd.DataFrame(rows, columns=["spacing_m", "score", "right", "in_a", "in_b"])
     wrong.sort(key=lambda mistake: -mistake.claim.score)

@@ -59,7 +59,7 @@ def test_the_summary_sets_each_flood_beside_quiet(measured: Measured) -> None:
     assert (table.positions == 10).all()
     assert (table.refused == 0).all()
     assert (table.ratio * table.reference_us).round(3).equals(table.p99_us.round(3))
-    assert (table.ratio_low <= table.ratio_high).all()
+    assert table[["ratio_low", "ratio_high"]].isna().all(axis=None)  # of one round
     assert list(table["name"][table.bar == BAR]) == list(FLOODS)
     assert json.loads(table.to_json(orient="records"))[0]["ratio"] == 1
     pd.testing.assert_frame_equal(table, summarise(measured, seed=0))
@@ -80,7 +80,12 @@ def test_one_standstill_decides_nothing() -> None:
 
 @pytest.mark.parametrize(
     ("changes", "said"),
-    [({"rounds": 0}, "1 round"), ({"robots": 0}, "1 robot"), ({"phase_s": 0.01}, "0.1 s or more")],
+    [
+        ({"rounds": 0}, "1 round"),
+        ({"robots": 0}, "1 robot"),
+        ({"phase_s": 0.01}, "0.1 s or more"),
+        ({"phase_s": float("inf")}, "got inf s"),
+    ],
 )
 def test_bad_requests_are_refused(changes: dict[str, int], said: str) -> None:
     with pytest.raises(LedgerError, match=said):

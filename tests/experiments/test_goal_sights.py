@@ -10,6 +10,7 @@ import pytest
 
 from vrchain.cli import app
 from vrchain.errors import MissionError
+from vrchain.experiments import goal_sights
 from vrchain.experiments.goal_sights import RANGES_M, SIDES, as_table, evaluate, summarise
 from vrchain.experiments.scenes import scenes_of
 from vrchain.navigation.goal import GoalSight
@@ -53,6 +54,20 @@ def test_sides_are_looked_at_one_after_the_other() -> None:
     assert [goal[n] for n in ("sure", "sure_1", "sure_2", "sure_3")] == pytest.approx(
         np.array([1, 2, 3, 4]) / SIDES
     )
+
+
+def test_where_there_is_but_one_house_there_is_no_other() -> None:
+    found = summarise(looked_at([90] * 6))
+    assert found[OTHER]["likely"] is None and found[OTHER]["keypoints_most"] is None
+    assert json.loads(json.dumps(found, allow_nan=False))[OTHER]["houses"] == 0
+
+
+def test_where_no_goal_is_seen_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(goal_sights, "_rows", lambda *asked: [])
+    with pytest.raises(MissionError, match="take more suburbs or goals"):
+        evaluate(scenes_of(SUBURB), 1, 1, seed=3000, folder=tmp_path)
 
 
 def test_nothing_asked_for_is_an_error(tmp_path: Path) -> None:

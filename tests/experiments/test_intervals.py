@@ -23,6 +23,17 @@ def test_nothing_to_divide_by_is_no_share() -> None:
     assert ratio("x", none, none, resampled(2, 0, "test")) == {"x": None, "x_ci": None}
 
 
+def test_of_one_suburb_or_without_an_upper_end_there_is_no_interval() -> None:
+    ten = np.array([10.0])
+    assert ratio("x", 0.3 * ten, ten, resampled(1, 0, "test")) == {"x": 0.3, "x_ci": None}
+    assert share("x", ten, ten, resampled(1, 0, "test"))["x_ci"] == pytest.approx(
+        [0.692, 1.0], abs=1e-3
+    )
+    often, seldom = np.full(10, 7.0), np.array([1.0, 1.0, *np.zeros(8)])
+    again = resampled(10, 0, "test")  # some draws have none of the two that are not nought
+    assert ratio("times", often, seldom, again) == {"times": 35.0, "times_ci": None}
+
+
 def test_intervals_hold_the_truth_nearly_as_often_as_they_say() -> None:
     """Means of ten: a bootstrap's own percentiles hold it in nine cases of ten."""
     draws, one = np.random.default_rng(0), np.ones(10)

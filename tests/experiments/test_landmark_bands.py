@@ -64,8 +64,10 @@ def test_a_row_for_each_band_and_variant() -> None:
 
 def test_one_suburb_has_no_interval() -> None:
     found = by_band(CLAIMS[CLAIMS.suburb == 0], PAIRS[PAIRS.suburb == 0])
-    assert found.filter(regex="_(low|high)$").isna().all(axis=None)
-    assert found.precision.iloc[0] == 1 / 2
+    near = found.iloc[0]
+    assert near.precision == 1 / 2 and 0 < near.recall < 1
+    assert np.isnan([near.precision_low, near.precision_high, near.recall_low]).all()
+    assert near.pair_success == 1 and near.pair_success_low == pytest.approx(0.025)  # of one pair
 
 
 def test_the_curve_has_a_point_for_each_score() -> None:

@@ -35,7 +35,7 @@ CLAIMS = pd.DataFrame(
         claim(0, 0, 0.8, True, shared=False),  # the same landmark, seen from its two sides
         claim(0, 0, 0.7, True, duplicate=True),
         claim(0, 1, 0.6, False),
-        claim(1, 0, 0.9, False, twin=True),
+        claim(1, 0, 0.85, False, twin=True),
         claim(1, 0, 0.8, True),
         claim(1, 1, 0.3, True),  # below the threshold
     ]
@@ -64,6 +64,13 @@ def test_recall_at_a_precision_is_that_of_the_best_threshold() -> None:
     assert found == {"0.90": pytest.approx(0.1), "0.95": pytest.approx(0.1), "0.98": 0.1}
     none = summarise(CLAIMS.assign(right=False), PAIRS)["sift"]["recall_at_precision"]
     assert set(none.values()) == {None}
+
+
+def test_claims_of_one_score_stand_or_fall_together() -> None:
+    """No threshold parts them, however they happen to be ordered."""
+    alike = pd.DataFrame([claim(0, 0, 0.9, k % 2 == 0) for k in range(20)])
+    found = summarise(alike, PAIRS)["sift"]["recall_at_precision"]
+    assert set(found.values()) == {None}
 
 
 def test_no_claims_at_all() -> None:
@@ -113,12 +120,27 @@ def test_the_accused_are_counted_by_where_they_stand() -> None:
             "pair": [0, 1, 2, 3],
             "variant": ["sift"] * 4,
             "two_suburbs": [False, False, False, True],
+            "suburb": [0, 0, 1, 1],
             "score": [0.0, 0.9, 0.0, 0.0],
         }
     )
     table = accused(found)
     assert table.two_suburbs.tolist() == [False, True] and table.pairs.tolist() == [3, 1]
     assert table.claimed.tolist() == pytest.approx([1 / 3, 0.0])
+    (low, high), none = table.claimed_ci
+    assert low < 1 / 3 < high and none == pytest.approx([0.0, 0.975])
+
+
+def test_variants_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Their results could not be told apart."""
+    twice, scenes = [row("sift"), row("sift")], suburbs(SceneSpec())
+    with pytest.raises(MissionError, match="variants of different names, got sift, sift"):
+        evaluate(scenes, 1, (1.0, 2.0), twice, seed=3000, folder=tmp_path)
+    with pytest.raises(MissionError, match="variants of different names"):
+        strangers(scenes, 1, twice, seed=3000, folder=tmp_path)
+    with pytest.raises(MissionError, match="1 pair or more, got 0"):
+        strangers(scenes, 0, twice, seed=3000, folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_one_world_has_no_strangers(tmp_path: Path) -> None:

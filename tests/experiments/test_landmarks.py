@@ -14,7 +14,8 @@ from vrchain.landmarks.common import MatchConfig
 def row(pair: int, **claim: object) -> dict[str, object]:
     base = {"pair": pair, "spacing_m": 6.0, "co_visible": 3}
     made = {"score": 0.9, "right": True, "duplicate": False, "twin": False, "quality_m": 1.0}
-    return base | made | {"support": 9, "object": "a"} | claim
+    told = base | made | {"support": 9, "object": "a"} | claim
+    return {"shared": told["right"]} | told
 
 
 def none(pair: int, co_visible: int = 3) -> dict[str, object]:
@@ -28,6 +29,7 @@ def table(*rows: dict[str, object]) -> pd.DataFrame:
 def test_the_summary_counts_by_the_definitions() -> None:
     claims = table(
         row(0, score=0.9), row(0, score=0.8, object="b"), row(0, score=0.7, duplicate=True),
+        row(0, score=0.6, object="c", shared=False),  # the same landmark, from its two sides
         row(1, score=0.6, right=True), row(1, score=0.95, right=False, twin=True, quality_m=5.0),
         none(2),
         none(3, co_visible=0),
@@ -36,12 +38,12 @@ def test_the_summary_counts_by_the_definitions() -> None:
     found = summarise(claims)
     assert found["n_pairs"] == 5 and found["pairs_without_common"] == 2
     assert found["pair_success"] == pytest.approx(1 / 3)  # pair 1's best claim is wrong
-    assert found["n_claims"] == 5  # a duplicate is none
-    assert found["precision"] == pytest.approx(3 / 5)
+    assert found["n_claims"] == 6  # a duplicate is none
+    assert found["precision"] == pytest.approx(4 / 6)
     assert found["recall"] == pytest.approx(3 / 9)
-    assert found["claims_per_pair"] == 1.0
+    assert found["claims_per_pair"] == 6 / 5
     assert found["twin_claims"] == 1
-    assert found["quality_m_mean"] == pytest.approx(2.0)
+    assert found["quality_m_mean"] == pytest.approx(9 / 5)
     assert found["quality_m_median"] == 1.0
 
 

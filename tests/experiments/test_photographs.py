@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from vrchain.errors import ImageError
+from vrchain.experiments import photographs
 from vrchain.experiments.photographs import CAMERA, choose, compare_folders, related_pairs
 from vrchain.geometry import Pose
 from vrchain.landmarks.photos import PhotoConfig, claims_of
@@ -37,6 +38,18 @@ def test_pairs_are_counted_by_kind(tmp_path: Path) -> None:
     assert list(by_kind.index) == ["here", "there", "across", "beside rendered views"]
     assert list(by_kind.n) == [1, 1, 4, 4]
     assert list(by_kind.claimed) == [1, 1, 0, 0]
+
+
+def test_folders_of_one_name_are_told_apart(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for place in ("a/across", "b/across"):
+        (tmp_path / place).mkdir(parents=True)
+    monkeypatch.setattr(photographs, "_photographs", lambda folder: [])
+    folders = [tmp_path / "a" / "across", tmp_path / "b" / "across", tmp_path / "a" / "across"]
+    found = compare_folders(folders, rendered=0)
+    kinds = [*map(str, folders[:2]), "across", "beside rendered views"]
+    assert list(found.pairs) == kinds
 
 
 @pytest.mark.slow

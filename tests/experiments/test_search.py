@@ -8,6 +8,7 @@ import pytest
 
 from vrchain.cli import app
 from vrchain.errors import MissionError
+from vrchain.experiments import search
 from vrchain.experiments.scenes import scenes_of
 from vrchain.experiments.search import SearchConfig, evaluate, summarise
 from vrchain.paths import SCENES
@@ -60,6 +61,14 @@ def test_without_an_answer_there_is_no_precision() -> None:
 def test_without_sift_there_is_nothing_beside() -> None:
     table = looked_up()
     assert set(summarise(table[table.way == "gallery"])) == {"gallery"}
+
+
+def test_where_no_goal_is_seen_that_is_said(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(search, "_search_in", lambda *asked: pd.DataFrame())
+    with pytest.raises(MissionError, match="ask for more panoramas"):
+        evaluate(scenes_of(SUBURB), 1, SearchConfig(1, 1), seed=3000, folder=tmp_path)
 
 
 @pytest.mark.parametrize("config", [SearchConfig(panoramas=0), SearchConfig(goals=0)])

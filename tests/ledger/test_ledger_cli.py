@@ -235,6 +235,7 @@ def test_one_robot_cannot_write_with_anothers_key() -> None:
         (["show", "missing"], errors.NotALedgerError),
         (["verify", "."], errors.NotALedgerError),
         (["verify", "L", "--expected-head", "xy"], errors.RecordError),
+        (["verify", "L", "--expected-head", ""], errors.RecordError),  # of a variable not set
         (["verify", "L", "--expected-head", "00" * 32], errors.DamagedError),
         (["export", "L", "-o", "L/out"], errors.RecordError),
         (["export", "L", "-o", "config"], OutputError),

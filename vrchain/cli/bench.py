@@ -124,14 +124,15 @@ def planner(
 
     Times are in microseconds; landmarks: of a chain, the goal among them. Then, with 40 robots and
     400 landmarks, the share that arrives within so many drives when segments are lost with
-    probability p, its 95 % interval, and the published share after one drive: under the published
-    rule (drive) and where what is lost stays lost (standing). Both rules: experiments.planning.
+    probability p (its 95 % interval by --json), and the published share after one drive: under the
+    published rule (drive) and where what is lost stays lost (standing). Both rules:
+    experiments.planning.
     """
     from vrchain.experiments.bench_planner import bench_planner
     from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
 
-    table = bench_planner(tasks, seed=seed)
     blocked = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
+    table = bench_planner(tasks, seed=seed)
     if as_json:
         print(_json(rows=table, blocked=blocked))
         return

@@ -92,9 +92,10 @@ def strangers(
 ) -> None:
     """Compare panoramas that have nothing in common: the share with any claim, by variant.
 
-    Broken off, the same command goes on.
+    Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
     from vrchain.experiments import landmark_evaluation as evaluation
+    from vrchain.experiments.intervals import shown
     from vrchain.experiments.scenes import scenes_of
     from vrchain.landmarks.variants import DEFAULT, variant_named
 
@@ -104,6 +105,9 @@ def strangers(
         folder=output or BUILD / "evaluate" / "strangers",
     )  # fmt: skip
     table = evaluation.accused(found)
+    if not as_json:
+        claimed = [shown(dict(row), "claimed") for _, row in table.iterrows()]
+        table = table.assign(claimed=claimed).drop(columns="claimed_ci")
     _print_rows(table, as_json)
 
 

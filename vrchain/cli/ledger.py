@@ -195,7 +195,7 @@ def verify(
     as_json: Json = False,
 ) -> None:
     """Check every byte of every record and payload; exit status 1 when something is wrong."""
-    found = verify_ledger(ledger, _hash(expected_head) if expected_head else None)
+    found = verify_ledger(ledger, _hash(expected_head) if expected_head is not None else None)
     result: dict[str, Any] = {
         "ok": found.ok,
         "blocks": found.blocks,

@@ -6,7 +6,10 @@ from typing import Annotated
 
 import typer
 
-ProfileName = Annotated[str, typer.Option("--profile", metavar="quick|paper", help="How large.")]
+ProfileName = Annotated[
+    str,
+    typer.Option("--profile", metavar="quick|paper", envvar="VRCHAIN_PROFILE", help="How large."),
+]
 
 
 def reproduce(

@@ -5,7 +5,7 @@ ground truth. The scene's suburb is drawn anew for every ten pairs or so. Encodi
 timed by ``perf_counter_ns``.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from pathlib import Path
 from time import perf_counter_ns
 
@@ -63,8 +63,10 @@ def codec_pairs(
             pairs = draw_pairs(scene, count, SPACING_M, seed + suburb)
             for number, poses in enumerate(pairs, start=first):
                 seen = (renderer.render(poses[0], rig), renderer.render(poses[1], rig))
-                pair = {"pair": number, "co_visible": len(co_visible(truth, *poses, rig))}
-                rows += [pair | row for row in _coded(seen, poses, truth, codecs)]
+                common = co_visible(truth, *poses, rig)
+                pair = {"pair": number, "co_visible": len(common)}
+                shared = {scene.objects[i].name for i in common}
+                rows += [pair | row for row in _coded(seen, poses, truth, shared, codecs)]
                 progress.update()
     return pd.DataFrame(rows)
 
@@ -73,6 +75,7 @@ def _coded(
     seen: tuple[Panorama, Panorama],
     poses: tuple[Pose, Pose],
     truth: GroundTruth,
+    shared: Set[str],
     codecs: Sequence[Codec],
 ) -> Iterator[dict[str, object]]:
     """What becomes of one pair under each codec."""
@@ -89,10 +92,12 @@ def _coded(
         judged = zip(comparison.common, verdicts, strict=True)
         made = [(claim, verdict) for claim, verdict in judged if not verdict.duplicate]
         right = [claim for claim, verdict in made if verdict.right]
+        found = sum(verdict.right and verdict.object_a in shared for _, verdict in made)
         yield {
             "codec": codec.name,
             "quality": codec.quality,
             "right": len(right),
+            "found": found,
             "claims": len(made),
             "support": sum(len(claim.support_a) for claim in right),
             "bytes": np.mean([len(blob) for blob in blobs]),
@@ -119,7 +124,7 @@ def summarise(found: pd.DataFrame, *, seed: int) -> pd.DataFrame:
                 "codec": codec,
                 "quality": quality,
                 "kilobytes": group.bytes.mean() / 1e3,
-                "recall": group.right.sum() / max(1, group.co_visible.sum()),
+                "recall": group.found.sum() / max(1, group.co_visible.sum()),
                 "precision": group.right.sum() / max(1, group.claims.sum()),
                 **_kept("kept", group.right, lossless.right, again),
                 **_kept("support_kept", group.support, lossless.support, again),

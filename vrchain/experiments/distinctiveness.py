@@ -43,6 +43,7 @@ def distinctiveness(
     the weights, MissionError where the scene has no room for such pairs.
     """
     check_request(spacings_m, n_pairs)
+    spacings_m = list(dict.fromkeys(spacings_m))
     backbone, rig = load_backbone(layer), rig or CameraRig()
     renderer, truth = Renderer(scene), GroundTruth(scene)
     rows: list[dict[str, object]] = []

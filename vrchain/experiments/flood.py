@@ -114,7 +114,7 @@ def flood(
         raise LedgerError(
             f"expected 1 round and 1 robot or more, got {config.rounds} and {config.robots}"
         )
-    if not config.phase_s * config.rate_per_s >= 1:
+    if not 1 <= config.phase_s * config.rate_per_s < np.inf:
         raise LedgerError(
             f"expected a phase of {1 / config.rate_per_s:.2g} s or more, in which every robot "
             f"publishes, got {config.phase_s:g} s"

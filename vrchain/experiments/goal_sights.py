@@ -15,7 +15,7 @@ import pandas as pd
 import shapely
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import by_suburb, resampled, share, shown
+from vrchain.experiments.intervals import by_suburb, or_none, resampled, share, shown
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.experiments.workers import each
@@ -67,8 +67,12 @@ def evaluate(
     files = [own / f"suburb_{k:02d}.json" for k in range(n_suburbs if scenes.varied else 1)]
     left = [k for k, file in enumerate(files) if not file.exists()]
     each(partial(_save, scenes, seed, n_goals, files), left, jobs, "suburbs")
-    tables = [pd.DataFrame(json.loads(file.read_text())) for file in files]
-    found = pd.concat([t.assign(suburb=k) for k, t in enumerate(tables)], ignore_index=True)
+    rows = [
+        {"suburb": k, **row} for k, file in enumerate(files) for row in json.loads(file.read_text())
+    ]
+    if not rows:
+        raise MissionError("no goal can be pictured and seen here: take more suburbs or goals")
+    found = pd.DataFrame(rows)
     return found if scenes.varied else found.assign(suburb=pd.factorize(found.goal)[0])
 
 
@@ -88,9 +92,9 @@ def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[
             "goals": len(looks.groupby(["suburb", "goal"])),
             "houses": len(houses),
             "looks": len(looks),
-            "likely": float((looks.chance >= EVEN).mean()),
+            "likely": or_none((looks.chance >= EVEN).mean()),
             **{
-                f"keypoints_{part}": float(looks.n_matches.quantile(q))
+                f"keypoints_{part}": or_none(looks.n_matches.quantile(q))
                 for part, q in (("median", 0.5), ("99", 0.99), ("most", 1.0))
             },
             "sides_likely": len(tried),

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import ratio, resampled, shown
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, shown
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
@@ -199,6 +199,7 @@ def evaluate(
     found already under ``folder`` is read. jobs: see ``workers.each``.
     """
     grid, rig = grid or Grid(), rig or RIG
+    rows = list(dict.fromkeys(rows))
     if n_places < 1:
         raise MissionError(f"expected 1 place or more to home to, got {n_places}")
     unknown = [row for row in rows if row.removesuffix(COMPASS) not in methods]
@@ -301,21 +302,12 @@ def _summary(made: pd.DataFrame, seed: int) -> dict[str, object]:
     clear = made[made.clear]
     caught = [(k, _catchment_m(own)) for (k, _), own in clear.groupby(["suburb", "place"])]
     suburbs = np.sort(made.suburb.unique())
-
-    def by_suburb(values: pd.Series) -> tuple[Array, Array]:
-        grouped = values.astype(float).groupby(level=0)
-        return tuple(
-            np.asarray(x.reindex(suburbs).fillna(0), dtype=float)
-            for x in (grouped.sum(), grouped.count())
-        )  # type: ignore[return-value]
-
+    places = pd.DataFrame(caught, columns=["suburb", "catchment_m"])
     parts = {
-        "angular_error_deg": by_suburb(made.set_index("suburb").error_deg),
-        "return_ratio": by_suburb(clear.set_index("suburb").home),
-        "catchment_m": by_suburb(
-            pd.Series([m for _, m in caught], [k for k, _ in caught], dtype=float)
-        ),
-        "no_answer": by_suburb(~made.set_index("suburb").answered),
+        "angular_error_deg": (made.error_deg, made.suburb),
+        "return_ratio": (clear.home, clear.suburb),
+        "catchment_m": (places.catchment_m, places.suburb),
+        "no_answer": (~made.answered, made.suburb),
     }
     again = resampled(len(suburbs), seed, "homing")
     found: dict[str, object] = {
@@ -323,8 +315,9 @@ def _summary(made: pd.DataFrame, seed: int) -> dict[str, object]:
         "n_starts": len(made),
         "n_clear": len(clear),
     }
-    for name, sums in parts.items():
-        found |= ratio(name, *sums, again)
+    for name, (values, of) in parts.items():
+        one = pd.Series(1.0, values.index)
+        found |= ratio(name, by_suburb(values, of, suburbs), by_suburb(one, of, suburbs), again)
     found["angular_error_deg_median"] = float(made.error_deg.median())
     return found
 

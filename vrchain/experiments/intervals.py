@@ -24,8 +24,13 @@ def resampled(n: int, seed: int, what: str) -> NDArray[np.int64]:
 
 
 def interval(drawn: NDArray[np.float64], n: int) -> tuple[float, float]:
-    """The ends of the interval of a figure, (draws,), that was taken of each ``resampled`` n."""
-    low = _TAIL if n < 2 else float(ndtr(np.sqrt(n / (n - 1)) * stdtrit(n - 1, _TAIL)))
+    """The ends of the interval of a figure, (draws,), that was taken of each ``resampled`` n.
+
+    NaN: of one suburb alone nothing tells how they differ.
+    """
+    if n < 2:
+        return float("nan"), float("nan")
+    low = float(ndtr(np.sqrt(n / (n - 1)) * stdtrit(n - 1, _TAIL)))
     first, last = np.quantile(drawn, (low, 1 - low))
     return float(first), float(last)
 
@@ -41,13 +46,14 @@ def ratio(
 ) -> dict[str, object]:
     """NAME: top over bottom, (suburbs,) each; NAME_ci: its interval; None: nothing to divide by.
 
-    again: what ``resampled`` gave.
+    There is no interval either if a single suburb has anything to divide by, or if some draws have
+    something to divide and nothing to divide by. again: what ``resampled`` gave.
     """
-    under = bottom[again].sum(axis=1)
-    shares = top[again].sum(axis=1)[under > 0] / under[under > 0]
+    over, under, n = top[again].sum(axis=1), bottom[again].sum(axis=1), int((bottom > 0).sum())
+    ended = n > 1 and not over[under == 0].any()
     return {
-        name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
-        f"{name}_ci": list(interval(shares, len(bottom))) if len(shares) else None,
+        name: float(top.sum() / bottom.sum()) if n else None,
+        f"{name}_ci": list(interval(over[under > 0] / under[under > 0], n)) if ended else None,
     }
 
 
@@ -64,6 +70,11 @@ def share(
         off = float(1 - _TAIL ** (1 / n))
         found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
     return found
+
+
+def or_none(value: float | np.floating) -> float | None:
+    """A mean or the like; None, which JSON knows, where it is of nothing."""
+    return None if np.isnan(value) else float(value)
 
 
 def shown(figures: Mapping[str, object], name: str, form: str = ".3f") -> str:

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from vrchain.experiments.landmark_evaluation import evaluate, row
-from vrchain.experiments.landmark_scores import summarise
+from vrchain.experiments.landmark_scores import from_score, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.landmarks.variants import DEFAULT
 from vrchain.panorama import CameraRig
@@ -49,24 +49,23 @@ def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
 
     One row a band and variant: band_m, variant, suburbs, landmarks_a_pair (co-visible ones),
     right_a_pair and wrong_a_pair (claims, no duplicates), the figures of
-    ``landmark_scores.summarise``, 95 % intervals as NAME_low and NAME_high (NaN with a single
-    suburb: there is nothing to draw from), and the quartiles quality_m_q25 and quality_m_q75.
+    ``landmark_scores.summarise``, 95 % intervals as NAME_low and NAME_high (NaN where there is
+    none), and the quartiles quality_m_q25 and quality_m_q75.
     """
     rows: list[dict[str, object]] = []
     for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
         own = _of(claims, band_m, variant)
         (figures,) = summarise(own, drawn).values()
         made = own[(own.score >= drawn.claimed.iloc[0]) & ~own.duplicate]
-        suburbs = drawn.suburb.nunique()
         rows.append(
             {
                 "band_m": band_m,
                 "variant": variant,
-                "suburbs": suburbs,
+                "suburbs": drawn.suburb.nunique(),
                 "landmarks_a_pair": drawn.co_visible.mean(),
                 "right_a_pair": made.right.sum() / len(drawn),
                 "wrong_a_pair": (~made.right).sum() / len(drawn),
-                **_flat(figures, suburbs > 1),
+                **_flat(figures),
                 **{name: made.quality_m.quantile(q) for name, q in _QUARTILES.items()},
             }
         )
@@ -82,13 +81,7 @@ def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     """
     tables = []
     for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
-        own = _of(claims, band_m, variant)
-        counts = (
-            own[~own.duplicate]
-            .groupby("score")
-            .agg(n=("right", "size"), right=("right", "sum"), shared=("shared", "sum"))
-        )  # claims of one score stand or fall together
-        sums = counts.sort_index(ascending=False).cumsum()
+        sums = from_score(_of(claims, band_m, variant))
         table = pd.DataFrame(
             {
                 "band_m": band_m,
@@ -108,11 +101,11 @@ def _of(claims: pd.DataFrame, band_m: object, variant: object) -> pd.DataFrame:
     return own.astype({"right": bool, "shared": bool, "duplicate": bool, "twin": bool})
 
 
-def _flat(figures: Mapping[str, object], intervals: bool) -> dict[str, object]:
+def _flat(figures: Mapping[str, object]) -> dict[str, object]:
     flat: dict[str, object] = {}
     for name, value in figures.items():
         if name.endswith("_ci"):
-            ends = value if intervals and isinstance(value, list) else (np.nan, np.nan)
+            ends = value if isinstance(value, list) else (np.nan, np.nan)
             flat |= dict(zip((f"{name[:-3]}_low", f"{name[:-3]}_high"), ends, strict=True))
         elif isinstance(value, dict):
             flat |= {f"{name}_{key}": _or_nan(one) for key, one in value.items()}

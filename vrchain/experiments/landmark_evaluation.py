@@ -17,6 +17,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
+from vrchain.experiments.intervals import by_suburb, resampled, share
 from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.files import code_digest, name_of, write_file
@@ -95,7 +96,12 @@ def evaluate(
 def _own_folder(
     folder: Path, scenes: Scenes, what: list, variants: Sequence[Variant], seed: int, rig: CameraRig
 ) -> Path:
-    """Where what was found of just this is kept."""
+    """Where what was found of just this is kept. MissionError for two variants of one name."""
+    if len({v.name for v in variants}) < len(variants):
+        raise MissionError(
+            f"expected variants of different names, got {', '.join(v.name for v in variants)}: "
+            "their results could not be told apart"
+        )
     made_by = [(v.name, v.maker) for v in variants]
     asked = [code_digest(), scenes.digest, what, made_by, seed, asdict(rig)]
     return folder / name_of(asked)
@@ -191,6 +197,8 @@ def strangers(
     Columns: pair, variant, two_suburbs, score (of the surest claim, 0 without any). What was found
     already under ``folder`` is read from there. MissionError if the scenes do not differ.
     """
+    if n_pairs < 1:
+        raise MissionError(f"expected 1 pair or more, got {n_pairs}")
     if not scenes.varied:
         raise MissionError(
             "expected the spec of a suburb, of which many are drawn, got one world: "
@@ -262,9 +270,21 @@ def _strangers_of(
 
 
 def accused(found: pd.DataFrame) -> pd.DataFrame:
-    """Of ``strangers``, the share of pairs with a claim: variant, two_suburbs, pairs, claimed."""
-    rows = found.assign(claimed=found.score > 0).groupby(["variant", "two_suburbs"], sort=False)
-    return rows.agg(pairs=("pair", "count"), claimed=("claimed", "mean")).reset_index()
+    """Of ``strangers``, the share of pairs with a claim, and its 95 % interval over suburbs.
+
+    Columns: variant, two_suburbs, pairs, claimed, claimed_ci.
+    """
+    rows: list[dict[str, object]] = []
+    for (variant, two), own in found.groupby(["variant", "two_suburbs"], sort=False):
+        suburbs = np.unique(own.suburb)
+        again = resampled(len(suburbs), 0, "strangers")
+        made, of = (
+            by_suburb(values, own.suburb, suburbs)
+            for values in (own.score > 0, pd.Series(1.0, own.index))
+        )
+        told = share("claimed", made, of, again)
+        rows.append({"variant": variant, "two_suburbs": two, "pairs": len(own), **told})
+    return pd.DataFrame(rows)
 
 
 def regions_given(

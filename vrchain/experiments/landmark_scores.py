@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled, shown
+from vrchain.experiments.intervals import by_suburb, or_none, resampled, share, shown
 from vrchain.landmarks.calibration import expected_calibration_error
 
 PRECISIONS = (0.90, 0.95, 0.98)
@@ -39,7 +39,7 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, 
         return by_suburb(values, of, suburbs)
 
     one = pd.Series(1.0, index=made.index)
-    ratios = {
+    shares = {
         "pair_success": (summed(pd.Series(success, index=fair.index), fair.suburb),
                          summed(pd.Series(1.0, index=fair.index), fair.suburb)),
         "precision": (summed(made.right.astype(float), made.suburb),
@@ -54,33 +54,41 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, 
         "n_pairs": len(pairs),
         "pairs_without_common": len(empty),
     }
-    for name, sums in ratios.items():
-        found |= ratio(name, *sums, again)
+    for name, sums in shares.items():
+        found |= share(name, *sums, again)
     found["recall_at_precision"] = {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS}
     found["twin_claims"] = int(made.twin.astype(bool).sum())
     found["duplicates"] = int((claims.score >= score).sum() - len(made))
-    found["quality_m_mean"] = _or_none(made.quality_m.mean())
-    found["quality_m_median"] = _or_none(made.quality_m.median())
+    found["quality_m_mean"] = or_none(made.quality_m.mean())
+    found["quality_m_median"] = or_none(made.quality_m.median())
     found["claims_per_pair"] = len(made) / len(pairs)
     found["ms_per_pair"] = float(pairs.ms.median())
     for name in ("heading_error_deg", "direction_error_deg"):
-        found[name] = _or_none(fair[name].median())
-        found[f"{name}_answered"] = _or_none((fair[name] < 180.0).mean())
+        found[name] = or_none(fair[name].median())
+        found[f"{name}_answered"] = or_none((fair[name] < 180.0).mean())
     found["calibration_error"] = _calibration_error(made)
     return found
 
 
 def _recall_at(claims: pd.DataFrame, pairs: pd.DataFrame, precision: float) -> float | None:
     """The largest recall of any threshold at which the precision is reached; None: never."""
-    ordered = claims[~claims.duplicate.astype(bool)].sort_values("score", ascending=False)
-    if len(ordered) == 0:
-        return None
-    right = ordered.right.astype(float).to_numpy().cumsum()
-    held = right / np.arange(1, len(ordered) + 1) >= precision
-    if not held.any():
-        return None
-    shared = ordered.shared.astype(float).to_numpy().cumsum()
-    return float(shared[held].max() / max(1, pairs.co_visible.sum()))
+    sums = from_score(claims)
+    held = sums[sums.right / sums.n >= precision]
+    return float(held.shared.max() / max(1, pairs.co_visible.sum())) if len(held) else None
+
+
+def from_score(claims: pd.DataFrame) -> pd.DataFrame:
+    """How many claims there are from each score on, falling: n, and right and shared ones of them.
+
+    Claims of one score stand or fall together; a second one on the same two objects is none.
+    """
+    own = claims.astype({"right": bool, "shared": bool, "duplicate": bool})
+    counts = (
+        own[~own.duplicate]
+        .groupby("score")
+        .agg(n=("right", "size"), right=("right", "sum"), shared=("shared", "sum"))
+    )
+    return counts.sort_index(ascending=False).cumsum()
 
 
 def _calibration_error(made: pd.DataFrame) -> float | None:
@@ -88,10 +96,6 @@ def _calibration_error(made: pd.DataFrame) -> float | None:
         return None
     right = made.right.to_numpy(dtype=bool)
     return expected_calibration_error(made.score.to_numpy(dtype=float), right)
-
-
-def _or_none(value: float) -> float | None:
-    return None if np.isnan(value) else float(value)
 
 
 def as_table(summary: dict[str, dict[str, object]]) -> pd.DataFrame:

@@ -18,7 +18,7 @@ from vrchain.truth import GroundTruth
 
 _TRIES = 1000
 _PAIR = ["pair", "spacing_m", "co_visible"]
-_CLAIM = ["score", "right", "duplicate", "twin", "quality_m", "support", "object"]
+_CLAIM = ["score", "right", "shared", "duplicate", "twin", "quality_m", "support", "object"]
 _COLUMNS = [*_PAIR, *_CLAIM]
 
 
@@ -39,9 +39,9 @@ def claims_of(
 ) -> pd.DataFrame:
     """Claims of common landmarks for pairs of looks, one row a claim.
 
-    Columns: pair, spacing_m, co_visible (landmarks both poses see, by truth), score, right,
-    duplicate, twin, quality_m, support, object. A pair without a claim has one row, NaN from score
-    on.
+    Columns: pair, spacing_m, co_visible (landmarks both poses see, by truth), score, right, shared
+    (right, and the landmark co-visible), duplicate, twin, quality_m, support, object. A pair
+    without a claim has one row, NaN from score on.
     """
     truth = GroundTruth(scene)
     rows: list[dict[str, object]] = []
@@ -49,10 +49,12 @@ def claims_of(
         poses, features = (a.pose, b.pose), (a.features, b.features)
         comparison = compare(*features, rig, config)
         spacing_m = a.pose.distance_to_m(b.pose.xy_m)
+        common = co_visible(truth, *poses, rig)
+        seen_by_both = {scene.objects[i].name for i in common}
         pair: dict[str, object] = {
             "pair": number,
             "spacing_m": spacing_m,
-            "co_visible": len(co_visible(truth, *poses, rig)),
+            "co_visible": len(common),
         }
         verdicts = judge(comparison, truth, poses, features, rig, (a.robots, b.robots))
         for claim, verdict in zip(comparison.common, verdicts, strict=True):
@@ -61,6 +63,7 @@ def claims_of(
                 | {
                     "score": claim.score,
                     "right": verdict.right,
+                    "shared": verdict.right and verdict.object_a in seen_by_both,
                     "duplicate": verdict.duplicate,
                     "twin": verdict.twin,
                     "quality_m": verdict.quality_m,
@@ -89,7 +92,7 @@ def summarise(claims: pd.DataFrame) -> dict[str, float]:
         "pairs_without_common": int((pairs.co_visible == 0).sum()),
         "pair_success": float(best_right.mean()),
         "precision": float(right.mean()) if len(made) else float("nan"),
-        "recall": float(right.sum() / max(1, pairs.co_visible.sum())),
+        "recall": float(made.shared.astype(bool).sum() / max(1, pairs.co_visible.sum())),
         "n_claims": len(made),
         "claims_per_pair": len(made) / max(1, len(pairs)),
         "twin_claims": int(made.twin.astype(bool).sum()),

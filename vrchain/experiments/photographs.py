@@ -5,7 +5,7 @@ photographs of the project's tests had been looked at: what they do on these is 
 evidence.
 """
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
@@ -117,21 +117,21 @@ def compare_folders(folders: Sequence[Path], rendered: int = 20) -> pd.DataFrame
     Kinds: those within each folder, those across folders, and each photograph beside ``rendered``
     views of suburbs. ImageError if a folder holds no photographs.
     """
-    taken = {folder.name: _photographs(folder) for folder in folders}
-    kinds: Mapping[str, list[tuple[Described, Described]]] = {
-        **{name: list(combinations(own, 2)) for name, own in taken.items()},
-        "across": [
-            pair for a, b in combinations(taken.values(), 2) for pair in product(a, b)
-        ],
-    }  # fmt: skip
+    taken = {folder: _photographs(folder) for folder in dict.fromkeys(folders)}
+    names = [folder.name for folder in taken]
+    kinds: list[tuple[str, list[tuple[Described, Described]]]] = [
+        (f.name if names.count(f.name) == 1 else str(f), list(combinations(own, 2)))
+        for f, own in taken.items()
+    ]
+    across = [pair for a, b in combinations(taken.values(), 2) for pair in product(a, b)]
     views: list[Described] = []
     for k in range(-(-rendered // _VIEWS)):
         scene = varied_suburb(CHOOSING_SEED, 200 + k)
         views += _views(scene, _VIEWS, generator(CHOOSING_SEED, "photos", "beside", k))
     every = [photograph for own in taken.values() for photograph in own]
-    kinds = {**kinds, "beside rendered views": list(product(every, views[:rendered]))}
+    beside = list(product(every, views[:rendered]))
     rows = []
-    for kind, pairs in kinds.items():
+    for kind, pairs in [*kinds, ("across", across), ("beside rendered views", beside)]:
         row: dict[str, object] = {"pairs": kind, "n": len(pairs)}
         for name, config in (("claimed", PhotoConfig()), ("claimed_by_plain_sift", PLAIN)):
             bar = tqdm(pairs, desc=f"{kind}, {name}", unit="", disable=None)

@@ -58,8 +58,7 @@ PROBABILITIES = (0.1, 0.2, 0.5)
 MAX_DRIVES = 10
 TASKS_A_WORLD = 25
 
-# Landmarks and milliseconds of a path; share that arrives, by p. From the published logs.
-PUBLISHED_PATHS = {"breadth-first": (3.35, 7.9), "shortened chain": (6.0, 0.26)}
+# Share that arrives, by p. From the published logs.
 PUBLISHED_SHARES = {
     "breadth-first, robust": (0.81, 0.62, 0.21),
     "shortened chain, robust": (0.89, 0.76, 0.55),

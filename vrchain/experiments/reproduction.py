@@ -37,6 +37,8 @@ from vrchain.panorama import Panorama
 from vrchain.render import Renderer
 from vrchain.scene import load_spec
 
+_TEAM_M = (2.0, 20.0)  # between R1 and R2, for a common landmark to be sought
+
 Stage = Callable[[Results, Path], str]
 """Writes a stage's results into a folder; says in a line what it did."""
 
@@ -245,17 +247,17 @@ def _surveyed(results: Results) -> tuple[pd.DataFrame, list[bytes]]:
     return found, payloads
 
 
-def _team_pairs(surveyed: pd.DataFrame, most: int, reach_m: float = 20.0) -> list[tuple[int, int]]:
-    """Rows of R1's positions, each with R2's nearest, if 2 to ``reach_m`` metres apart; thinned."""
+def _team_pairs(surveyed: pd.DataFrame, most: int) -> list[tuple[int, int]]:
+    """Rows of R1's positions, each with R2's nearest that is so far from it; thinned."""
     first, second = (surveyed[surveyed.robot == robot] for robot in ROBOTS)
     places = [rows[["x_m", "y_m"]].to_numpy() for rows in (first, second)]
     apart_m = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
-    apart_m[apart_m < 2.0] = np.inf
+    apart_m[apart_m < _TEAM_M[0]] = np.inf
     nearest = apart_m.argmin(axis=1)
     pairs = [
         (int(first.index[i]), int(second.index[j]))
         for i, j in enumerate(nearest)
-        if apart_m[i, j] <= reach_m
+        if apart_m[i, j] <= _TEAM_M[1]
     ]
     kept = np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int)
     return [pairs[k] for k in kept]

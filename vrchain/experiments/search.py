@@ -62,7 +62,10 @@ def evaluate(
         if not file.exists():
             found = _search_in(scenes.scene(seed, k), config, seed, k)
             write_file(file, found.to_json(orient="records").encode())
-        tables.append(pd.DataFrame(json.loads(file.read_text())).assign(scene=k))
+        rows = json.loads(file.read_text())
+        tables += [pd.DataFrame(rows).assign(scene=k)] if rows else []
+    if not tables:
+        raise MissionError("no panorama shows a goal that can be pictured: ask for more panoramas")
     return pd.concat(tables, ignore_index=True)
 
 

@@ -40,6 +40,11 @@ def train(profile: str, weights: Path, folder: Path) -> None:
     """
     if profile not in PROFILES:
         raise LearnedError(f"no profile {profile!r}: there are {', '.join(PROFILES)}")
+    if weights.suffix == ".json":
+        raise LearnedError(
+            f"expected a file for weights, such as {weights.with_suffix('.pt')}, got {weights}: "
+            "their record is written there"
+        )
     chosen = PROFILES[profile]
     network, record = learn(chosen.learning, folder)
     save_weights(network, weights)
