@@ -34,11 +34,6 @@ Output = Annotated[
 AsJson = Annotated[bool, typer.Option("--json", help="One JSON object, not text.")]
 
 
-@app.callback()
-def main() -> None:
-    """Measure how well it works, with intervals."""
-
-
 @app.command()
 def landmarks(
     spec: Spec = SUBURB,

@@ -1,6 +1,6 @@
 """How long planning takes, and how long the chains are, beside two known planners.
 
-All of them answer the same questions in turn, on the random worlds of ``experiments.planning``; the
+All of them answer the same questions in turn, on the random worlds of ``experiments.wavn``; the
 larger world has the same number of robots a square metre, so that its chains are long.
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 
 from vrchain.errors import MissionError
-from vrchain.experiments.planning import (
+from vrchain.experiments.wavn import (
     SIDE_M,
     Path,
     Task,
