@@ -1,5 +1,6 @@
 """A mission in pictures: the map with the driven path, and what each decision rested on."""
 
+from collections import Counter
 from pathlib import Path
 from typing import NamedTuple
 
@@ -64,9 +65,9 @@ def mission_figure(run: MissionRun) -> Figure:
         draw_row(axes, row)
         if i < len(rows) - 1:
             axes.set_xlabel("")
-    outcome = "arrived" if run.result.arrived else f"gave up: {run.result.reason}"
+    outcome = "it arrived" if run.result.arrived else f"it gave up: {run.result.reason}"
     figure.suptitle(
-        f"{run.robot} looks for {run.task.goal}: {outcome} ({run.range_m:.1f} m from it)",
+        f"The goal of {run.robot}: {run.task.goal}; {outcome}, {run.range_m:.1f} m from it",
         fontsize=13,
     )
     return figure
@@ -86,8 +87,15 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
 
 
 def draw_stage(axes: Axes, run: MissionRun) -> None:
-    """The scene around places, path and goal, and the goal marked."""
+    """The scene around places, path and goal, the goal marked, and named what occurs once in it."""
     draw_scene(axes, run.scene)
+    standing = [o for o in run.scene.objects if o.landmark and o.name != run.task.goal]
+    kinds = Counter(o.kind for o in standing)
+    for thing in (o for o in standing if kinds[o.kind] == 1):
+        axes.annotate(
+            thing.kind, thing.bounds_m[:, :2].mean(axis=0), (0, -9), textcoords="offset points",
+            ha="center", va="top", fontsize=8, style="italic", zorder=4, annotation_clip=True,
+        )  # fmt: skip
     goal = run.scene.objects[run.scene.index_of(run.task.goal)]
     x0, y0 = goal.bounds_m[0][:2]
     width, height = np.ptp(goal.bounds_m, axis=0)[:2]
@@ -160,13 +168,12 @@ def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: st
     if region.bearing_rad is None or region.angular_size_rad is None:
         return
     centre, width = np.degrees([region.bearing_rad, region.angular_size_rad])
-    rig = panorama.rig
+    rig, edge = panorama.rig, axes.get_ylim()[1]
     if region.box_px[3] > region.box_px[1]:
         _, y0, _, y1 = region_box(region, rig)
         top, bottom = np.degrees(np.arctan(rig.slope_of_row(np.array([y0, y1]))))
-    else:
-        top, bottom = 12.0, -6.0
-    edge = axes.get_ylim()[1]
+    else:  # known by its bearing and width alone
+        top, bottom = edge - 1.0, -6.0
     for left in (centre + width / 2 + turn for turn in (-360.0, 0.0, 360.0)):
         if not -180.0 < left < 180.0 + width:  # the panorama begins again behind the robot
             continue
