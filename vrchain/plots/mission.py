@@ -22,6 +22,7 @@ from vrchain.plots.save import png_bytes
 
 _SHOWN = Codec("jpeg", 85)  # to be looked at, not compared
 _GOAL_COLOUR = "#ff2d95"
+_NAMED_M = 3.0  # what is less wide has no name on the map
 _LABEL_DEG = 5.0  # of height above a box; a label that has less room is put inside
 
 
@@ -87,15 +88,17 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
 
 
 def draw_stage(axes: Axes, run: MissionRun) -> None:
-    """The scene around places, path and goal, the goal marked, and named what occurs once in it."""
+    """The scene around places, path and goal; named is the goal, and what else it has once."""
     draw_scene(axes, run.scene)
     standing = [o for o in run.scene.objects if o.landmark and o.name != run.task.goal]
     kinds = Counter(o.kind for o in standing)
-    for thing in (o for o in standing if kinds[o.kind] == 1):
-        axes.annotate(
-            thing.kind, thing.bounds_m[:, :2].mean(axis=0), (0, -9), textcoords="offset points",
-            ha="center", va="top", fontsize=8, style="italic", zorder=4, annotation_clip=True,
-        )  # fmt: skip
+    for thing in standing:
+        (x0, y0), (x1, _) = thing.bounds_m[:, :2]
+        if kinds[thing.kind] == 1 and x1 - x0 >= _NAMED_M:
+            axes.annotate(
+                thing.kind, ((x0 + x1) / 2, y0), (0, -2), textcoords="offset points",
+                ha="center", va="top", fontsize=9, zorder=4, annotation_clip=True,
+            )  # fmt: skip
     goal = run.scene.objects[run.scene.index_of(run.task.goal)]
     x0, y0 = goal.bounds_m[0][:2]
     width, height = np.ptp(goal.bounds_m, axis=0)[:2]
