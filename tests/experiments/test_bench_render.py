@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-import sights
 import worlds
 
 from vrchain.errors import MissionError, SpecError
-from vrchain.experiments.bench_render import COLUMNS, bench_render, free_poses
+from vrchain.experiments.bench_render import COLUMNS, bench_render
 from vrchain.geometry import Pose
 from vrchain.render import Renderer
 from vrchain.render.reference import LitRenderer
@@ -56,15 +55,6 @@ def test_rows_are_what_is_promised(tmp_path: Path) -> None:
     assert panorama["ratio"] == panorama["median_us"] / panorama["reference_us"]
     assert (panorama["bar"], scene["bar"]) == (250_000, 5_000_000)
     assert all(row["median_us"] > 100 for row in (panorama, rays, scene))
-
-
-def test_poses_are_free_seeded_and_one_a_draw() -> None:
-    poses = free_poses(sights.yard(), 5, 3000)
-    assert sights.yard().is_free([p.xy_m for p in poses]).all()
-    assert poses == free_poses(sights.yard(), 6, 3000)[:5] != free_poses(sights.yard(), 5, 3001)
-    full = worlds.world(worlds.box("all", (0, 0), (40.0, 40.0, 2.0), worlds.plain(worlds.RED)))
-    with pytest.raises(MissionError, match="found only 0 of 2 free poses"):
-        free_poses(full, 2, 0)
 
 
 def test_bad_input_is_refused(tmp_path: Path) -> None:

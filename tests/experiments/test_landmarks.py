@@ -6,9 +6,10 @@ import worlds
 from sights import RIG
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks import Look, claims_of, draw_pairs, summarise
+from vrchain.experiments.landmarks import Look, claims_of, draw_pairs, draw_poses, summarise
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import MatchConfig
+from vrchain.seeding import generator
 
 
 def row(pair: int, **claim: object) -> dict[str, object]:
@@ -58,6 +59,16 @@ def test_a_summary_does_not_change_its_table() -> None:
     before = claims.copy()
     summarise(claims)
     pd.testing.assert_frame_equal(claims, before)
+
+
+def test_poses_are_free_and_seeded() -> None:
+    scene = sights.yard()
+    poses = draw_poses(scene, 5, generator(0, "poses"))
+    assert scene.is_free([p.xy_m for p in poses]).all() and len(set(poses)) == 5
+    assert poses == draw_poses(scene, 6, generator(0, "poses"))[:5]
+    full = worlds.world(worlds.box("all", (0, 0), (40.0, 40.0, 2.0), worlds.plain(worlds.RED)))
+    with pytest.raises(MissionError, match="found only 0 of 2 free places"):
+        draw_poses(full, 2, generator(0, "poses"))
 
 
 def test_pairs_are_free_and_in_the_band() -> None:

@@ -7,10 +7,11 @@ from collections import Counter
 import pytest
 import worlds
 
-from vrchain.experiments.bench_render import free_poses
+from vrchain.experiments.landmarks import draw_poses
 from vrchain.paths import SCENES
 from vrchain.render import Renderer
 from vrchain.scene import Scene, load_scene
+from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
 CROSSING = SCENES / "crossing" / "crossing.world"
@@ -35,7 +36,7 @@ def test_its_objects(scene: Scene) -> None:
 
 def test_ids_of_ray_caster_and_renderer_agree(scene: Scene) -> None:
     renderer, truth = Renderer(scene), GroundTruth(scene)
-    for pose in free_poses(scene, 2, 3001):
+    for pose in draw_poses(scene, 2, generator(3001)):
         seen = renderer.segmentation(pose, worlds.SMALL_RIG)
         assert (seen == truth.look(pose, worlds.SMALL_RIG)[0]).mean() >= 0.995
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from vrchain.experiments.bench_render import free_poses
+from vrchain.experiments.landmarks import draw_poses
 from vrchain.render import Renderer
 from vrchain.scene import Scene, load_scene
+from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
 
 SAMPLES = Path(
@@ -85,7 +86,7 @@ def test_trees_are_cut_out_and_houses_have_pictures(scene: Scene) -> None:
 
 def test_ids_of_ray_caster_and_renderer_agree(scene: Scene) -> None:
     renderer, truth = Renderer(scene), GroundTruth(scene)
-    for pose in free_poses(scene, 3, 3000):
+    for pose in draw_poses(scene, 3, generator(3000)):
         same = (renderer.segmentation(pose) == truth.look(pose)[0]).mean()
         print(f"at {pose}: {same:.5f}")
         assert same >= 0.995

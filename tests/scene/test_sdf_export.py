@@ -11,13 +11,14 @@ import pytest
 from gazebo_files import write
 
 from vrchain.errors import OutputError, SpecError, UnsupportedWarning
-from vrchain.experiments.bench_render import free_poses
+from vrchain.experiments.landmarks import draw_poses
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
 from vrchain.render import Renderer
 from vrchain.scene import SceneSpec, build_scene, load_scene, load_spec
 from vrchain.scene.sdf_export import export_world, world_files
 from vrchain.scene.spec import parse_spec
+from vrchain.seeding import generator
 
 SMALL = {
     "name": "hamlet & co", "seed": 7, "extent_m": [80.0, 80.0], "season": "autumn", "twins": 0.5,
@@ -39,7 +40,7 @@ def same_again(spec: SceneSpec, folder: Path, n_poses: int, rig: CameraRig) -> N
     pd.testing.assert_frame_equal(read.table, built.table, atol=1e-4)
     assert [o.solid for o in read.objects] == [o.solid for o in built.objects]
     assert (read.name, read.extent_m, read.light) == (built.name, built.extent_m, built.light)
-    poses = free_poses(built, n_poses, 5)
+    poses = draw_poses(built, n_poses, generator(5))
     first = Renderer(built)
     drawn = [first.render(pose, rig).views for pose in poses]
     second = Renderer(read)

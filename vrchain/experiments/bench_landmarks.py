@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.bench_render import COLUMNS, free_poses
-from vrchain.experiments.landmarks import draw_pairs
+from vrchain.experiments.bench_render import COLUMNS
+from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.stopwatch import race_us
 from vrchain.landmarks.proposer import propose
 from vrchain.landmarks.record import examine
@@ -38,7 +38,8 @@ def bench_landmarks(spec: str | Path, n_positions: int, *, seed: int) -> pd.Data
     scene, rig = load_scene(spec), CameraRig()
     renderer, network = Renderer(scene), load_network()
     order = generator(seed, "bench", "landmarks")
-    taken = [renderer.render(pose, rig) for pose in free_poses(scene, n_positions, seed)]
+    poses = draw_poses(scene, n_positions, generator(seed, "bench", "poses"))
+    taken = [renderer.render(pose, rig) for pose in poses]
     for panorama in taken:
         _ = panorama.cylinder  # joined once, and used by all
     first = taken[0]

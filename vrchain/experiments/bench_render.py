@@ -11,6 +11,8 @@ import numpy as np
 import pandas as pd
 
 from vrchain.errors import MissionError
+from vrchain.experiments.landmarks import draw_poses
+from vrchain.experiments.stopwatch import race_us
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
@@ -23,7 +25,6 @@ from vrchain.truth import GroundTruth
 COLUMNS = ["name", "positions", "median_us", "reference_us", "ratio", "bar"]
 
 _PANORAMA_BAR_US, _BUILD_BAR_US = 250_000.0, 5_000_000.0
-_DRAWS = 1000
 
 
 def bench_render(
@@ -31,10 +32,10 @@ def bench_render(
 ) -> pd.DataFrame:
     """One row a thing timed, with ``COLUMNS``; times in microseconds, NaN where there is none.
 
-    panorama: drawn at free poses, the first one aside, beside pyrender's own lit pass on the same
-    scene and poses (reference_us; ratio: of the medians); rays: object and range of every pixel of
-    it; scene: once from the scene file until it can be drawn, libraries loaded. bar: what the
-    median should not exceed. Raises SpecError, and MissionError without room or positions.
+    panorama: drawn at free poses, the first one aside, in turns with pyrender's own lit pass on the
+    same scene and poses (reference_us; ratio: of the medians); rays: object and range of every
+    pixel of it; scene: once from the scene file until it can be drawn, libraries loaded. bar: what
+    the median should not exceed. Raises SpecError, and MissionError without room or positions.
     """
     if n_positions < 1:
         raise MissionError(f"expected 1 position or more to draw at, got {n_positions}")
@@ -44,11 +45,17 @@ def bench_render(
     scene = load_scene(spec)
     renderer = Renderer(scene)
     build_us = (perf_counter_ns() - start_ns) / 1e3
-    poses = free_poses(scene, n_positions + 1, seed)
-    drawn_us = _median_us(lambda pose: renderer.render(pose, rig), poses)
+    first, *poses = draw_poses(scene, n_positions + 1, generator(seed, "bench", "poses"))
     lit, truth = LitRenderer(scene), GroundTruth(scene)
-    lit_us = _median_us(lambda pose: lit.render(pose, rig), poses)
-    cast_us = _median_us(lambda pose: truth.look(pose, rig), poses)
+    runners: dict[str, Callable[[Pose], object]] = {
+        "drawn": lambda pose: renderer.render(pose, rig),
+        "lit": lambda pose: lit.render(pose, rig),
+        "cast": lambda pose: truth.look(pose, rig),
+    }
+    for run in runners.values():
+        run(first)
+    times_us = race_us(runners, poses, generator(seed, "bench", "turns"))
+    drawn_us, lit_us, cast_us = (float(np.median(times_us[name])) for name in runners)
     size = f"{rig.n_views} x {rig.width_px} x {rig.height_px}"
     nothing = float("nan")
     rows = [
@@ -57,28 +64,3 @@ def bench_render(
         ("scene", 1, build_us, nothing, nothing, _BUILD_BAR_US),
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
-
-
-def free_poses(scene: Scene, n: int, seed: int) -> list[Pose]:
-    """Poses uniform in free space. MissionError if the scene has no room."""
-    draws = generator(seed, "bench", "poses")
-    half = np.array(scene.extent_m) / 2
-    poses: list[Pose] = []
-    for _ in range(_DRAWS * n):
-        pose = Pose(*map(float, (*draws.uniform(-half, half), draws.uniform(-np.pi, np.pi))))
-        if scene.is_free([pose.xy_m])[0]:
-            poses.append(pose)
-        if len(poses) == n:
-            return poses
-    raise MissionError(f"found only {len(poses)} of {n} free poses in {scene.name!r}")
-
-
-def _median_us(call: Callable[[Pose], object], poses: list[Pose]) -> float:
-    """Median time of a call at each pose but the first, which is called to warm up."""
-    call(poses[0])
-    times_us = []
-    for pose in poses[1:]:
-        start_ns = perf_counter_ns()
-        call(pose)
-        times_us.append((perf_counter_ns() - start_ns) / 1e3)
-    return float(np.median(times_us))
