@@ -129,7 +129,7 @@ def search(
     panoramas: Annotated[int, typer.Option(help="In each suburb.")] = 500,
     goals: Annotated[int, typer.Option(help="Looked up in each suburb.")] = 20,
     by_sift: Annotated[int, typer.Option(help="Of the goals, looked up by SIFT too.")] = 2,
-    suburbs: Annotated[int, typer.Option(help="How many.")] = 1,
+    suburbs: Annotated[int, typer.Option(help="How many; a world is one.")] = 1,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,

@@ -50,14 +50,15 @@ def evaluate(
 
     Columns: scene, goal, way, showing (panoramas that show it), present (whether they were left
     in), answered, right (the first answer shows it; or, they being left out, there is no answer),
-    found (panoramas answered that show it), s. MissionError if nothing is asked for.
+    found (panoramas answered that show it), s. A world that stays as it is is one scene. MissionError
+    if nothing is asked for, or no goal is seen.
     """
     if min(config.panoramas, config.goals, n_scenes) < 1:
         raise MissionError(f"expected 1 panorama, goal and scene or more, got {config}")
     asked = [code_digest(), scenes.digest, asdict(config), seed, maker_of()]
     own = folder / name_of(asked)
     tables = []
-    for k in range(n_scenes):
+    for k in range(n_scenes if scenes.varied else 1):
         file = own / f"scene_{k:02d}.json"
         if not file.exists():
             found = _search_in(scenes.scene(seed, k), config, seed, k)
