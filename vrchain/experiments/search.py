@@ -50,8 +50,8 @@ def evaluate(
 
     Columns: scene, goal, way, showing (panoramas that show it), present (whether they were left
     in), answered, right (the first answer shows it; or, they being left out, there is no answer),
-    found (panoramas answered that show it), s. A world that stays as it is is one scene. MissionError
-    if nothing is asked for, or no goal is seen.
+    found (panoramas answered that show it), s. A world that stays as it is is one scene.
+    MissionError if nothing is asked for, or no goal is seen.
     """
     if min(config.panoramas, config.goals, n_scenes) < 1:
         raise MissionError(f"expected 1 panorama, goal and scene or more, got {config}")
