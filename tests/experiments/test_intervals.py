@@ -29,9 +29,17 @@ def test_of_one_suburb_or_without_an_upper_end_there_is_no_interval() -> None:
     assert share("x", ten, ten, resampled(1, 0, "test"))["x_ci"] == pytest.approx(
         [0.692, 1.0], abs=1e-3
     )
+    assert ratio("x", np.full(10, 0.8), np.ones(10), resampled(10, 0, "test"))["x_ci"] is None
     often, seldom = np.full(10, 7.0), np.array([1.0, 1.0, *np.zeros(8)])
     again = resampled(10, 0, "test")  # some draws have none of the two that are not nought
     assert ratio("times", often, seldom, again) == {"times": 35.0, "times_ci": None}
+
+
+def test_who_has_nothing_to_divide_by_counts_for_what_there_is_to_divide() -> None:
+    """As of missions: six of ten suburbs where one succeeds alone, and all ten with the ledger."""
+    ours, alone = np.ones(10), np.array([*np.ones(6), *np.zeros(4)])
+    low, high = ratio("times", ours, alone, resampled(10, 0, "navigation"))["times_ci"]
+    assert (low, high) == pytest.approx((10 / 9, 5.0), abs=0.01)
 
 
 def test_intervals_hold_the_truth_nearly_as_often_as_they_say() -> None:

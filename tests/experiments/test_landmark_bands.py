@@ -62,8 +62,11 @@ def test_a_row_for_each_band_and_variant() -> None:
         assert silent.recall == silent.right_a_pair == silent.wrong_a_pair == 0
 
 
-def test_one_suburb_has_no_interval() -> None:
-    found = by_band(CLAIMS[CLAIMS.suburb == 0], PAIRS[PAIRS.suburb == 0])
+def test_of_one_suburb_only_pairs_that_all_succeed_have_an_interval() -> None:
+    claims = CLAIMS[CLAIMS.suburb == 0]
+    (right, *_) = by_band(claims.assign(right=True), PAIRS[PAIRS.suburb == 0]).itertuples()
+    assert right.precision == 1 and np.isnan([right.precision_low, right.precision_high]).all()
+    found = by_band(claims, PAIRS[PAIRS.suburb == 0])
     near = found.iloc[0]
     assert near.precision == 1 / 2 and 0 < near.recall < 1
     assert np.isnan([near.precision_low, near.precision_high, near.recall_low]).all()

@@ -54,16 +54,20 @@ def test_one_plugged_in_is_found_where_it_stands_and_known_by_its_file(
 ) -> None:
     """Else results of what it was before an edit would be taken for its own."""
     monkeypatch.chdir(tmp_path)
-    before = list(sys.path)
-    code = "from vrchain.landmarks.variants import sift\nmine = sift()\n"
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    code = (
+        "from dataclasses import replace\n"
+        "from vrchain.landmarks.variants import sift\n"
+        "mine = replace(sift(), maker='weights')\n"
+    )
     makers = []
     for text in (code, f"{code}# edited\n", code):
         (tmp_path / "plugged_in.py").write_text(text)
         monkeypatch.delitem(sys.modules, "plugged_in", raising=False)
         importlib.invalidate_caches()
         makers.append(variant_named("plugged_in:mine").maker)
-    assert makers[0] == makers[2] != makers[1] and len(makers[0]) == 64
-    assert sys.path == before
+    assert makers[0] == makers[2] != makers[1]
+    assert all(maker.startswith("weights ") for maker in makers)
 
 
 def test_half_the_resolution_is_the_same_view() -> None:

@@ -15,7 +15,7 @@ import pandas as pd
 import shapely
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import by_suburb, or_none, resampled, share, shown
+from vrchain.experiments.intervals import or_none, resampled, share, shown, sums
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.experiments.workers import each
@@ -59,7 +59,7 @@ def evaluate(
     n_goals: of each suburb, at most. Columns: suburb, goal, house (that is looked at), own (whether
     it is the goal; else the look does not show the goal at all), side, from_m, and those of
     ``GoalSight``. A world that stays as it is is one suburb; its goals are numbered as suburbs are,
-    so that intervals are over them. MissionError if nothing is asked for.
+    so that intervals are over them. MissionError if nothing is asked for, or no goal is seen.
     """
     if min(n_suburbs, n_goals) < 1:
         raise MissionError(f"expected 1 suburb and goal or more, got {n_suburbs} and {n_goals}")
@@ -117,10 +117,8 @@ def _shares(tried: pd.DataFrame) -> dict[str, object]:
         return found
     suburbs = np.unique(tried.suburb)
     again = resampled(len(suburbs), 0, "goal sights")
-    of = by_suburb(pd.Series(1, tried.index), tried.suburb, suburbs)
     for n in _MORE_SIDES:
-        hits = by_suburb(tried[_sure(n)], tried.suburb, suburbs)
-        found |= share(_sure(n), hits, of, again)
+        found |= share(_sure(n), *sums(tried[_sure(n)], tried.suburb, suburbs), again)
     return found
 
 

@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import by_suburb, ratio, resampled, shown
+from vrchain.experiments.intervals import ratio, resampled, shown, sums
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
@@ -316,8 +316,7 @@ def _summary(made: pd.DataFrame, seed: int) -> dict[str, object]:
         "n_clear": len(clear),
     }
     for name, (values, of) in parts.items():
-        one = pd.Series(1.0, values.index)
-        found |= ratio(name, by_suburb(values, of, suburbs), by_suburb(one, of, suburbs), again)
+        found |= ratio(name, *sums(values, of, suburbs), again)
     found["angular_error_deg_median"] = float(made.error_deg.median())
     return found
 

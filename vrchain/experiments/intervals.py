@@ -41,19 +41,27 @@ def by_suburb(values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]) -> N
     return np.asarray(summed.reindex(suburbs).fillna(0), dtype=float)
 
 
+def sums(
+    values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Sums of values, each ``of`` a suburb, and how many there are: (suburbs,) each."""
+    return by_suburb(values, of, suburbs), by_suburb(values.notna(), of, suburbs)
+
+
 def ratio(
     name: str, top: NDArray[np.float64], bottom: NDArray[np.float64], again: NDArray[np.int64]
 ) -> dict[str, object]:
     """NAME: top over bottom, (suburbs,) each; NAME_ci: its interval; None: nothing to divide by.
 
-    There is no interval either if a single suburb has anything to divide by, or if some draws have
+    There is no interval either where suburbs do not tell it: one alone, all alike, or of some draws
     something to divide and nothing to divide by. again: what ``resampled`` gave.
     """
-    over, under, n = top[again].sum(axis=1), bottom[again].sum(axis=1), int((bottom > 0).sum())
-    ended = n > 1 and not over[under == 0].any()
+    over, under = top[again].sum(axis=1), bottom[again].sum(axis=1)
+    drawn, n = over[under > 0] / under[under > 0], int(((top != 0) | (bottom > 0)).sum())
+    told = n > 1 and not over[under == 0].any() and np.ptp(drawn) > 0
     return {
-        name: float(top.sum() / bottom.sum()) if n else None,
-        f"{name}_ci": list(interval(over[under > 0] / under[under > 0], n)) if ended else None,
+        name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
+        f"{name}_ci": list(interval(drawn, n)) if told else None,
     }
 
 

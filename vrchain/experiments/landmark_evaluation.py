@@ -17,7 +17,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import by_suburb, resampled, share
+from vrchain.experiments.intervals import resampled, share, sums
 from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.scenes import Scenes
 from vrchain.files import code_digest, name_of, write_file
@@ -194,8 +194,8 @@ def strangers(
 ) -> pd.DataFrame:
     """Pairs with nothing in common, half of one suburb, half of two: one row a pair and variant.
 
-    Columns: pair, variant, two_suburbs, score (of the surest claim, 0 without any). What was found
-    already under ``folder`` is read from there. MissionError if the scenes do not differ.
+    Columns: suburb, pair, variant, two_suburbs, score (of the surest claim, 0 without any). What
+    was found already under ``folder`` is read from there. MissionError if the scenes do not differ.
     """
     if n_pairs < 1:
         raise MissionError(f"expected 1 pair or more, got {n_pairs}")
@@ -278,11 +278,7 @@ def accused(found: pd.DataFrame) -> pd.DataFrame:
     for (variant, two), own in found.groupby(["variant", "two_suburbs"], sort=False):
         suburbs = np.unique(own.suburb)
         again = resampled(len(suburbs), 0, "strangers")
-        made, of = (
-            by_suburb(values, own.suburb, suburbs)
-            for values in (own.score > 0, pd.Series(1.0, own.index))
-        )
-        told = share("claimed", made, of, again)
+        told = share("claimed", *sums(own.score > 0, own.suburb, suburbs), again)
         rows.append({"variant": variant, "two_suburbs": two, "pairs": len(own), **told})
     return pd.DataFrame(rows)
 

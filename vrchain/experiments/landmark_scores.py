@@ -2,9 +2,8 @@
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from vrchain.experiments.intervals import by_suburb, or_none, resampled, share, shown
+from vrchain.experiments.intervals import by_suburb, or_none, ratio, resampled, share, shown, sums
 from vrchain.landmarks.calibration import expected_calibration_error
 
 PRECISIONS = (0.90, 0.95, 0.98)
@@ -35,27 +34,20 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, 
     accused = claimed.reindex(pd.MultiIndex.from_frame(empty[key])).notna().to_numpy()
     suburbs = np.sort(pairs.suburb.unique())
 
-    def summed(values: pd.Series, of: pd.Series) -> NDArray[np.float64]:
-        return by_suburb(values, of, suburbs)
-
-    one = pd.Series(1.0, index=made.index)
-    shares = {
-        "pair_success": (summed(pd.Series(success, index=fair.index), fair.suburb),
-                         summed(pd.Series(1.0, index=fair.index), fair.suburb)),
-        "precision": (summed(made.right.astype(float), made.suburb),
-                      summed(one, made.suburb)),
-        "recall": (summed(made.shared.astype(float), made.suburb),
-                   summed(pairs.co_visible.astype(float), pairs.suburb)),
-        "false_claim_rate": (summed(pd.Series(accused, index=empty.index), empty.suburb),
-                             summed(pd.Series(1.0, index=empty.index), empty.suburb)),
-    }  # fmt: skip
+    shown_to_both = by_suburb(pairs.co_visible, pairs.suburb, suburbs)
+    parts = {
+        "pair_success": (share, *sums(pd.Series(success, fair.index), fair.suburb, suburbs)),
+        "precision": (ratio, *sums(made.right, made.suburb, suburbs)),
+        "recall": (ratio, by_suburb(made.shared, made.suburb, suburbs), shown_to_both),
+        "false_claim_rate": (share, *sums(pd.Series(accused, empty.index), empty.suburb, suburbs)),
+    }
     again = resampled(len(suburbs), seed, "landmarks")
     found: dict[str, object] = {
         "n_pairs": len(pairs),
         "pairs_without_common": len(empty),
     }
-    for name, sums in shares.items():
-        found |= share(name, *sums, again)
+    for name, (told, top, bottom) in parts.items():
+        found |= told(name, top, bottom, again)
     found["recall_at_precision"] = {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS}
     found["twin_claims"] = int(made.twin.astype(bool).sum())
     found["duplicates"] = int((claims.score >= score).sum() - len(made))

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled, share, shown
+from vrchain.experiments.intervals import by_suburb, ratio, resampled, share, shown, sums
 from vrchain.experiments.missions import Mission
 
 SOON_S = (150, 300)
@@ -90,13 +90,7 @@ def _summary(
         ("spl", ratio, spl, own),
         ("spl_chain", ratio, spl_chain, chained),
     ):
-        one = pd.Series(1.0, index=of.index)
-        found |= told(
-            name,
-            by_suburb(values, of.suburb, suburbs),
-            by_suburb(one, of.suburb, suburbs),
-            again,
-        )
+        found |= told(name, *sums(values, of.suburb, suburbs), again)
     found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
     found["collisions"] = int(own.collisions.sum())
     for name in ("replans", "legs", "to_landmarks", "barred", "seconds_simulated", "wall_s"):

@@ -6,11 +6,10 @@ where it is found, ``--variant mymodule:mine``, and stands in every table beside
     mine = Variant("mine", look=my_features, compare=my_comparison, keypoints=lambda look: look)
 """
 
-import contextlib
 import hashlib
 import importlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache, partial
 from pathlib import Path
@@ -40,8 +39,8 @@ class Variant:
     look: what is kept of a panorama. compare: of two looks at panoramas of one rig, their claims,
     surest first, and the relative pose if it has one. keypoints: those of a look that the supports
     of its claims count by. maker: what its results depend on beside the code, as text: results
-    that are kept are used again only where it is the same (of one plugged in, if it is empty, the
-    digest of its module's file). claimed: the score from which its claims
+    that are kept are used again only where it is the same; of one plugged in, the digest of its
+    module's file is put behind. claimed: the score from which its claims
     count where all are kept to see what other thresholds would do.
     """
 
@@ -120,11 +119,13 @@ def variant_named(name: str, min_score: float | None = None) -> Variant:
 
 
 def _plugged_in(name: str) -> Variant:
-    """MODULE:NAME, of a module that Python finds, also in the folder where it was started."""
+    """MODULE:NAME, of a module that Python finds, or in the current folder."""
     module, _, attribute = name.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
     try:
-        with _here_too():
-            source = importlib.import_module(module)
+        source = importlib.import_module(module)
         found = getattr(source, attribute) if attribute else None
     except (ImportError, AttributeError, ValueError) as error:
         raise MissionError(f"no variant {name!r} to plug in: {error}") from error
@@ -134,20 +135,8 @@ def _plugged_in(name: str) -> Variant:
             f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
         )
     file = getattr(source, "__file__", None)
-    if found.maker or file is None:
-        return found
-    return replace(found, maker=hashlib.sha256(Path(file).read_bytes()).hexdigest())
-
-
-@contextlib.contextmanager
-def _here_too() -> Iterator[None]:
-    """Modules are found in the current folder as well, after all others."""
-    here = str(Path.cwd())
-    sys.path.append(here)
-    try:
-        yield
-    finally:
-        sys.path.remove(here)
+    made_of = hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
+    return replace(found, maker=f"{found.maker} {made_of}")
 
 
 JOINT = {

@@ -90,11 +90,11 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
 def draw_stage(axes: Axes, run: MissionRun) -> None:
     """The scene around places, path and goal; named is the goal, and what else it has once."""
     draw_scene(axes, run.scene)
-    standing = [o for o in run.scene.objects if o.landmark and o.name != run.task.goal]
-    kinds = Counter(o.kind for o in standing)
-    for thing in standing:
+    kinds = Counter(o.kind for o in run.scene.objects if o.landmark)
+    for thing in run.scene.objects:
         (x0, y0), (x1, _) = thing.bounds_m[:, :2]
-        if kinds[thing.kind] == 1 and x1 - x0 >= _NAMED_M:
+        alone = thing.landmark and kinds[thing.kind] == 1 and thing.name != run.task.goal
+        if alone and x1 - x0 >= _NAMED_M:
             axes.annotate(
                 thing.kind, ((x0 + x1) / 2, y0), (0, -2), textcoords="offset points",
                 ha="center", va="top", fontsize=9, zorder=4, annotation_clip=True,
