@@ -191,12 +191,12 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     return found.take(large[np.argsort(-score[large], kind="stable")][:_MOST])
 
 
-def nothing() -> Proposals:
+def nothing(dimensions: int = EMBEDDED) -> Proposals:
     """No proposals."""
     none, whole = np.empty(0), np.empty(0, dtype=np.int64)
     return Proposals(
         none, np.empty((0, 4)), none, none, none, none, whole,
-        np.empty((0, EMBEDDED), dtype=np.float32), whole, whole,
+        np.empty((0, dimensions), dtype=np.float32), whole, whole,
     )  # fmt: skip
 
 
