@@ -33,7 +33,6 @@ from vrchain.navigation.graph import landmark_graph
 from vrchain.navigation.mission import (
     MissionResult,
     _is_idle,
-    _left_of,
     _Mission,
     run_mission,
 )
@@ -144,8 +143,8 @@ def test_two_legs() -> None:
     _, route = result.plans[0]
     assert route.robots == ("R1", "R2", "R3")
     first, second = (leg.chance for leg in route.legs)
-    assert _left_of(route, 0).score == route.score == pytest.approx(first * second, rel=0.1)
-    assert _left_of(route, 1).score == pytest.approx(second, rel=0.1)  # and that it is the goal
+    assert route.after(0).score == route.score == pytest.approx(first * second, rel=0.1)
+    assert route.after(1).score == pytest.approx(second, rel=0.1)  # and that it is the goal
 
 
 def test_an_empty_ledger() -> None:

@@ -19,7 +19,7 @@ from vrchain.experiments.intervals import interval, resampled
 from vrchain.experiments.landmarks import draw_pairs
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
-from vrchain.landmarks.quality import co_visible, judge
+from vrchain.landmarks.quality import judge, names_in_common
 from vrchain.landmarks.sift import extract
 from vrchain.panorama import CameraRig, Codec, Panorama
 from vrchain.render import Renderer
@@ -63,9 +63,8 @@ def codec_pairs(
             pairs = draw_pairs(scene, count, SPACING_M, seed + suburb)
             for number, poses in enumerate(pairs, start=first):
                 seen = (renderer.render(poses[0], rig), renderer.render(poses[1], rig))
-                common = co_visible(truth, *poses, rig)
-                pair = {"pair": number, "co_visible": len(common)}
-                shared = {scene.objects[i].name for i in common}
+                shared = names_in_common(truth, *poses, rig)
+                pair = {"pair": number, "co_visible": len(shared)}
                 rows += [pair | row for row in _coded(seen, poses, truth, shared, codecs)]
                 progress.update()
     return pd.DataFrame(rows)

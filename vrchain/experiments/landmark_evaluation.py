@@ -30,7 +30,7 @@ from vrchain.landmarks.common import (
     support_score,
 )
 from vrchain.landmarks.epipolar import estimate
-from vrchain.landmarks.quality import co_visible, judge
+from vrchain.landmarks.quality import co_visible, judge, names_in_common
 from vrchain.landmarks.sift import Features, mutual_matches
 from vrchain.landmarks.variants import DEFAULT, Variant, sift, variant_named
 from vrchain.panorama import CameraRig, Panorama
@@ -134,7 +134,7 @@ def _suburb(
     pairs: list[dict[str, object]] = []
     for number, (a, b) in enumerate(poses):
         first, second = (_look(renderer.render(pose, rig), variants) for pose in (a, b))
-        shared = {scene.objects[i].name for i in co_visible(truth, a, b, rig)}
+        shared = names_in_common(truth, a, b, rig)
         for variant in variants:
             look_a, look_b = first[variant.look], second[variant.look]
             features = variant.keypoints(look_a), variant.keypoints(look_b)

@@ -64,8 +64,8 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, 
 
 def _recall_at(claims: pd.DataFrame, pairs: pd.DataFrame, precision: float) -> float | None:
     """The largest recall of any threshold at which the precision is reached; None: never."""
-    sums = from_score(claims)
-    held = sums[sums.right / sums.n >= precision]
+    counted = from_score(claims)
+    held = counted[counted.right / counted.n >= precision]
     return float(held.shared.max() / max(1, pairs.co_visible.sum())) if len(held) else None
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import MatchConfig, compare
-from vrchain.landmarks.quality import co_visible, judge
+from vrchain.landmarks.quality import judge, names_in_common
 from vrchain.landmarks.sift import Features
 from vrchain.panorama import CameraRig
 from vrchain.scene.model import Scene
@@ -49,12 +49,11 @@ def claims_of(
         poses, features = (a.pose, b.pose), (a.features, b.features)
         comparison = compare(*features, rig, config)
         spacing_m = a.pose.distance_to_m(b.pose.xy_m)
-        common = co_visible(truth, *poses, rig)
-        seen_by_both = {scene.objects[i].name for i in common}
+        shared = names_in_common(truth, *poses, rig)
         pair: dict[str, object] = {
             "pair": number,
             "spacing_m": spacing_m,
-            "co_visible": len(common),
+            "co_visible": len(shared),
         }
         verdicts = judge(comparison, truth, poses, features, rig, (a.robots, b.robots))
         for claim, verdict in zip(comparison.common, verdicts, strict=True):
@@ -63,7 +62,7 @@ def claims_of(
                 | {
                     "score": claim.score,
                     "right": verdict.right,
-                    "shared": verdict.right and verdict.object_a in seen_by_both,
+                    "shared": verdict.right and verdict.object_a in shared,
                     "duplicate": verdict.duplicate,
                     "twin": verdict.twin,
                     "quality_m": verdict.quality_m,

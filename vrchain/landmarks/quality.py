@@ -84,6 +84,11 @@ def co_visible(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> list[int
     return shared(truth, Sights(truth, a, rig), Sights(truth, b, rig))
 
 
+def names_in_common(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> set[str]:
+    """The names of ``co_visible`` landmarks, as verdicts have them."""
+    return {truth.scene.objects[i].name for i in co_visible(truth, a, b, rig)}
+
+
 class Sights:
     """What is seen from a pose, looked at when it is asked for."""
 

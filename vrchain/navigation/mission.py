@@ -6,7 +6,7 @@ where it rested on one, so that a mission can be read, and replayed in pictures.
 """
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -92,12 +92,6 @@ def run_mission(
     return MissionResult(
         arrived, reason, tuple(mission.decisions), tuple(pilot.looks), tuple(mission.plans)
     )
-
-
-def _left_of(route: Route, passed: int) -> Route:
-    """A route of which so many legs are behind the robot, to be compared with others from here."""
-    behind = np.prod([leg.chance for leg in route.legs[:passed]])
-    return replace(route, score=min(1.0, route.score / float(behind)))
 
 
 def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool:
@@ -291,7 +285,7 @@ class _Mission:
             return False  # the route was right
         shown = self.arrival.was_mistaken(goal) or goal.range_m(pilot.here) < NEAR_M
         refuted = len(self.doubts.refuted)
-        if self.from_lookout(lookout, _left_of(route, len(route.legs))):
+        if self.from_lookout(lookout, route.after(len(route.legs))):
             return True
         if len(self.doubts.refuted) > refuted:
             return False
@@ -352,7 +346,7 @@ class _Mission:
         self, what: str, tracker: Tracker, route: Route, passed: int, within_m: float
     ) -> "str | Suspect | Plan":
         """Approach what a route leads to; after a leg with a look around: more is known now."""
-        left = _left_of(route, passed)
+        left = route.after(passed)
         seen = self.regard(self.pilot.look_around(), left) if passed else None
         if seen is not None:
             return seen

@@ -77,6 +77,11 @@ class Route:
         """The robots of the chain, the driving one first."""
         return (*(leg.seen_by for leg in self.legs), self.seen_by)
 
+    def after(self, passed: int) -> "Route":
+        """The same with so many legs behind the robot, to be compared with others from here."""
+        behind = prod(leg.chance for leg in self.legs[:passed])
+        return replace(self, score=min(1.0, self.score / behind))
+
 
 @dataclass(frozen=True, eq=False)
 class Plan:
