@@ -10,7 +10,6 @@ from vrchain.errors import LedgerError
 from vrchain.experiments.flood import (
     BAR,
     CONDITIONS,
-    FLOODS,
     QUIET,
     FloodConfig,
     Measured,
@@ -18,6 +17,7 @@ from vrchain.experiments.flood import (
     outcomes,
     summarise,
 )
+from vrchain.experiments.flooder import FLOODS
 
 SMALL = FloodConfig(robots=2, rate_per_s=10.0, payload_bytes=2_000, phase_s=0.5, rounds=1)
 SMALL = replace(SMALL, limits=replace(SMALL.limits, rate_per_s=20.0, blob_bytes=20_000))

@@ -8,18 +8,16 @@ without and with each kind of flood take turns, so that all see the same machine
 import multiprocessing
 import signal
 import socket
-import struct
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field, replace
 from itertools import count
 from multiprocessing.connection import Connection
 from pathlib import Path
-from select import select
 from typing import NamedTuple
 
 import numpy as np
@@ -27,22 +25,19 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.flooder import FLOODER, FLOODS, Flooder, following
 from vrchain.experiments.intervals import interval, resampled
 from vrchain.ledger import OPERATOR, Ledger, Limits, Transaction, simulated_key, verify
-from vrchain.ledger.gate import Answer, Gate, answer_of, receive_answer
-from vrchain.ledger.transaction import blob_digest
-from vrchain.ledger.wire import Reader, pack, send
+from vrchain.ledger.gate import Gate, receive_answer
+from vrchain.ledger.wire import send
 from vrchain.seeding import generator
 
 QUIET = "quiet"
-FLOODS = ("valid", "forged", "oversized", "reconnecting")
 UNLIMITED = ("valid, no limits", "forged, no limits")  # what the limits are good for
 CONDITIONS = (*FLOODS, *UNLIMITED)
 BAR = 2.0  # times the quiet p99, which that of the honest robots should not exceed under a flood
-GATE, FLOODER = "G", "F"
+GATE = "G"
 
-_NEWS_NS = 50_000_000  # how often the flooder looks at the ledger
-_TENTH_OF_A_SECOND = struct.pack("@ll", 0, 100_000)
 _NO_LIMIT = 1 << 40
 
 
@@ -247,7 +242,7 @@ def _work(
         if due_ns >= until_ns:
             return rows
         payload = draws.bytes(config.payload_bytes)
-        draft = _after(first, last, payload)
+        draft = following(first, last, payload)
         transaction = draft.signed(key)
         time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
         send(connection, [transaction.record, payload])
@@ -259,98 +254,6 @@ def _work(
             latency_us, last = (done_ns - due_ns) / 1e3, transaction
         rows.append({"robot": robot, "latency_us": latency_us, "refused": answer.kind})
     raise AssertionError
-
-
-def _after(first: Transaction, last: Transaction | None, payload: bytes) -> Transaction:
-    """The robot's next transaction, not signed yet."""
-    draft = replace(first, timestamp_ns=time.time_ns(), payload_digest=blob_digest(payload))
-    return draft if last is None else replace(draft, sequence=last.sequence + 1, previous=last.id)
-
-
-class _Flooder:
-    """Sends as fast as it is let, knows the ledger as a member does, and takes heed of answers."""
-
-    def __init__(self, condition: str, address: str, config: FloodConfig, ledger: Ledger) -> None:
-        self._flood, self._address, self._config = condition.partition(",")[0], address, config
-        self._ledger, self._key = ledger, simulated_key(config.seed, FLOODER)
-        self._payload = generator(config.seed, FLOODER).bytes(config.payload_bytes)
-        self._messages: Iterator[bytes] = getattr(self, f"_{self._flood}")()
-        self._chain: list[Transaction] = []  # that it has signed, admitted or not
-        self._place = 0  # of the one to send next
-        self.sent = self.sent_bytes = 0
-
-    def run(self, until_ns: int) -> None:
-        """Flood until then. A gate that ends the connection is called again."""
-        while time.monotonic_ns() < until_ns:
-            with suppress(OSError), socket.socket(socket.AF_UNIX) as connection:
-                # It waits for room in the queue of arrivals; Python's timeouts would make it spin,
-                # which only takes the processor from the robots that run on the same machine.
-                connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TENTH_OF_A_SECOND)
-                connection.connect(self._address)
-                connection.setblocking(False)
-                self._run(connection, until_ns)
-
-    def _run(self, connection: socket.socket, until_ns: int) -> None:
-        reader = Reader(2, 1 << 12)
-        unsent = memoryview(b"")
-        while time.monotonic_ns() < until_ns:
-            if not unsent:
-                unsent = memoryview(next(self._messages))
-            readable, writable, _ = select([connection], [connection], [], 0.01)
-            if readable:
-                if not reader.read(connection, 1 << 12):
-                    return
-                if reader.whole:
-                    self._heed(answer_of(reader.next() or []))
-            if writable:
-                count = connection.send(unsent)
-                self.sent_bytes += count
-                unsent = unsent[count:]
-                self.sent += not unsent
-                if not unsent and self._flood == "reconnecting":
-                    return
-
-    def _heed(self, answer: Answer) -> None:
-        """Go back to a transaction of its own that was refused; for good ones there is more."""
-        if answer.reason and answer.kind != "DuplicateError":
-            ids = [transaction.id for transaction in self._chain]
-            if answer.transaction_id in ids:
-                place = ids.index(answer.transaction_id) - (answer.kind == "SequenceGapError")
-                self._place = min(self._place, place)
-
-    def _valid(self) -> Iterator[bytes]:
-        """Good transactions, each after the one before, again from the first that is refused."""
-        first = self._ledger.draft_transaction(FLOODER, b"", "time", 0)
-        while True:
-            if self._place == len(self._chain):
-                last = self._chain[-1] if self._chain else None
-                self._chain.append(_after(first, last, self._payload).signed(self._key))
-            self._place += 1
-            yield pack([self._chain[self._place - 1].record, self._payload])
-
-    def _forged(self) -> Iterator[bytes]:
-        """What would be everybody's next transactions, its own too, but for the signatures."""
-        nobody = simulated_key(self._config.seed, "nobody")
-        while True:
-            self._ledger.refresh()
-            known_ns = time.monotonic_ns()
-            while time.monotonic_ns() - known_ns < _NEWS_NS:
-                for robot in (*self._config.names, FLOODER):
-                    draft = self._ledger.draft_transaction(robot, b"x", "time", time.time_ns())
-                    yield pack([draft.signed(nobody).record, b"x"])
-
-    _reconnecting = _forged
-
-    def _oversized(self) -> Iterator[bytes]:
-        """Good transactions with blobs that are too large, and records that are, in turn."""
-        limits = self._config.limits
-        blob = bytes(limits.blob_bytes + limits.record_bytes)
-        draft = self._ledger.draft_transaction(FLOODER, blob, "time", time.time_ns())
-        large_blob = pack([draft.signed(self._key).record, blob])
-        large_record = pack([bytes(limits.record_bytes + 1), b"x"])
-        while True:
-            yield large_blob
-            yield large_record
 
 
 def _run_gate(pipe: Connection) -> None:
@@ -382,7 +285,15 @@ def _run_flooder(pipe: Connection) -> None:
         sent = {"sent": 0, "sent_bytes": 0}
         if condition != QUIET:
             with Ledger.open(folder) as ledger:
-                flooder = _Flooder(condition, address, config, ledger)
+                flooder = Flooder(
+                    condition.partition(",")[0],
+                    address,
+                    ledger,
+                    config.names,
+                    config.payload_bytes,
+                    config.limits,
+                    config.seed,
+                )
                 flooder.run(until_ns)
                 sent = {"sent": flooder.sent, "sent_bytes": flooder.sent_bytes}
         pipe.send(sent)
