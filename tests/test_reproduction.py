@@ -225,6 +225,28 @@ def test_results_of_another_size_do_not_count(empty: Results) -> None:
     assert (empty.folder / "survey" / MARKER).is_file()
 
 
+def test_results_of_other_code_are_taken_and_told_of(
+    empty: Results, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said: list[str] = []
+    reproduce(empty, (), LIGHT, said.append)
+    monkeypatch.setattr("vrchain.experiments.results.code_digest", lambda: "another")
+    reproduce(empty, ["update"], LIGHT, said.append)
+    reproduction.tell_of_other_code(empty, tell=said.append)
+    _, _, _, first, _, second = said
+    assert first.endswith("changed since: results of survey")
+    assert second.endswith("changed since: results of survey, retrieval")
+    reproduce(empty, (), LIGHT, said.append)
+    assert [line.split()[0] for line in said[6:]] == list(LIGHT)
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"profile": 1}'])
+def test_a_marker_that_says_nothing_is_none(empty: Results, text: str) -> None:
+    reproduce(empty, ["survey"], LIGHT, lambda line: None)
+    (empty.folder / "survey" / MARKER).write_text(text)
+    assert not empty.has("survey")
+
+
 def test_profiles_are_as_the_paper_has_it() -> None:
     for name in ADVERTISED:
         profile = PROFILES[name]

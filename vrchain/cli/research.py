@@ -56,11 +56,13 @@ def figures(
     ] = None,
 ) -> None:
     """Draw the figures, each as PNG, PDF and CSV beside its script in figures/."""
+    from vrchain.experiments.reproduction import tell_of_other_code
     from vrchain.experiments.results import Results
     from vrchain.paths import FIGURES
     from vrchain.plots.scripts import run_scripts
 
     results = Results.here(profile)
+    tell_of_other_code(results)
     folder = output or FIGURES
     drawn = run_scripts(results, folder, names or ())
     print(f"drew {', '.join(drawn)} into {folder}")

@@ -177,6 +177,7 @@ def reproduce(
 ) -> None:
     """Run the named stages (all, if none is named) in their order, telling of each in one line.
 
+    Results that a stage goes on from are taken as they are; it is told if other code made them.
     ReproductionError, before anything is run, if there is no such stage or if what a stage needs
     is neither there nor about to be made.
     """
@@ -184,20 +185,29 @@ def reproduce(
         if name not in stages:
             raise ReproductionError(f"expected stages of {', '.join(stages)}, got {name!r}")
     chosen = [stage for stage in stages if stage in names or not names]
-    missing = {n for stage in chosen for n in NEEDS.get(stage, ()) if not results.has(n)}
-    missing -= set(chosen)
+    needed = {n for stage in chosen for n in NEEDS.get(stage, ())} - set(chosen)
+    missing = {n for n in needed if not results.has(n)}
     if missing:
         wanted = [stage for stage in stages if stage in missing or stage in chosen]
         raise ReproductionError(
             f"{', '.join(chosen)} cannot do without the results of {', '.join(sorted(missing))}: "
             f"run `vrchain reproduce --profile {results.profile.name} --only {' '.join(wanted)}`"
         )
+    tell_of_other_code(results, [stage for stage in stages if stage in needed], tell)
     for stage in chosen:
         start = perf_counter()
         with output_folder(results.folder / stage, MARKER) as folder:
             said = stages[stage](results, folder)
             (folder / MARKER).write_text(results.marker(stage))
         tell(f"{stage:10} {said} ({perf_counter() - start:.1f} s)")
+
+
+def tell_of_other_code(
+    results: Results, stages: Iterable[str] = STAGES, tell: Callable[[str], object] = print
+) -> None:
+    """In a line, if there are results of some stages that other code made, which are taken."""
+    if old := results.by_other_code(stages):
+        tell(f"taken as they are, though the code has changed since: results of {', '.join(old)}")
 
 
 def common_landmark(own: bytes, other: bytes) -> object:

@@ -7,6 +7,7 @@ published 20 times.
 import json
 import os
 import pickle
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass, field, replace
 from functools import cache
 from pathlib import Path
@@ -15,6 +16,7 @@ import pandas as pd
 
 from vrchain.errors import VRChainError
 from vrchain.experiments import latency, mission
+from vrchain.files import code_digest
 from vrchain.panorama import CameraRig
 from vrchain.paths import BUILD, SCENES
 from vrchain.scene import load_scene
@@ -112,14 +114,28 @@ class Results:
 
     def has(self, stage: str) -> bool:
         """Whether a stage's results are there, made with the profile as it is now."""
-        try:
-            return (self.folder / stage / MARKER).read_text() == self.marker(stage)
-        except OSError:
-            return False
+        return self._made(stage).get("profile") == json.loads(self.marker(stage))["profile"]
+
+    def by_other_code(self, stages: Iterable[str]) -> list[str]:
+        """Those of some stages whose results the package made as it was before a change.
+
+        Pictures and commands make none: see ``files.code_digest``.
+        """
+        made = {stage: self._made(stage) for stage in stages if self.has(stage)}
+        return [stage for stage, how in made.items() if how.get("code") != code_digest()]
 
     def marker(self, stage: str) -> str:
         """The content of a finished stage's marker file."""
-        return json.dumps({"stage": stage, "profile": asdict(self.profile)}, indent=2) + "\n"
+        made = {"stage": stage, "profile": asdict(self.profile), "code": code_digest()}
+        return json.dumps(made, indent=2) + "\n"
+
+    def _made(self, stage: str) -> dict[str, object]:
+        """What a stage's marker file says; nothing if there is none, or none that can be read."""
+        try:
+            made = json.loads((self.folder / stage / MARKER).read_text())
+        except (OSError, ValueError):
+            return {}
+        return made if isinstance(made, dict) else {}
 
     def path(self, stage: str, name: str) -> Path:
         """A file or folder of a stage; ReproductionError if the stage has not been run."""
