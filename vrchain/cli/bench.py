@@ -13,7 +13,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed and distinctiveness.")
 
-Spec = Annotated[Path, typer.Argument(metavar="[SPEC]", help="A scene file or Gazebo world.")]
+Spec = Annotated[
+    Path,
+    typer.Argument(
+        metavar="[SPEC]", help="A scene file or Gazebo world.", show_default="scenes/suburb.yaml"
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 Seed = Annotated[int, typer.Option(help="Of the poses that are drawn.")]
 

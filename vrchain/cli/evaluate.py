@@ -17,8 +17,14 @@ app = typer.Typer(no_args_is_help=True, help="Measure how well it works, with in
 FIRST_SEED = 2000  # those below are for training and for choosing
 SUBURB = SCENES / "suburb.yaml"
 
+_BY_DEFAULT = "scenes/suburb.yaml"  # said without the folder that it lies in
 Spec = Annotated[
-    Path, typer.Argument(metavar="[SPEC]", help="A scene file, as in scenes/, or a world.")
+    Path,
+    typer.Argument(
+        metavar="[SPEC]",
+        help="A scene file, as in scenes/, or a world.",
+        show_default=_BY_DEFAULT,
+    ),
 ]
 Seed = Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")]
 AllowTrainingSeeds = Annotated[
@@ -72,7 +78,12 @@ def landmarks(
 @app.command()
 def strangers(
     spec: Annotated[
-        Path, typer.Argument(metavar="[SPEC]", help="A scene file: a world has no second suburb.")
+        Path,
+        typer.Argument(
+            metavar="[SPEC]",
+            help="A scene file: a world has no second suburb.",
+            show_default=_BY_DEFAULT,
+        ),
     ] = SUBURB,
     pairs: Annotated[
         int, typer.Option(help="Half within one suburb, half across two; 1000 to report.")
