@@ -15,6 +15,7 @@ import pytest
 
 from vrchain.errors import LedgerError, OutputError
 from vrchain.experiments import bench_ledger as bench
+from vrchain.experiments import ledger_sites
 from vrchain.experiments.ledger_baselines import InlineChain, JsonChain, MemoryLedger, Turn
 from vrchain.experiments.stopwatch import Stopwatch, race_us
 from vrchain.ledger import OPERATOR, Ledger, simulated_key, verify
@@ -35,10 +36,10 @@ def measured(tmp_path_factory: pytest.TempPathFactory) -> bench.Bench:
     """Smaller payloads, so that it takes seconds; and nothing is left behind."""
     folder = tmp_path_factory.mktemp("bench")
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(bench, "_LARGE", 20_000)
-        patch.setattr(bench, "_LARGE_UP_TO", 20)
+        patch.setattr(ledger_sites, "_LARGE", 20_000)
+        patch.setattr(ledger_sites, "_LARGE_UP_TO", 20)
         patch.setattr(bench, "MANY_ROBOTS", 20)
-        patch.setattr(bench, "_COMPUTED_OVER", 400_000)
+        patch.setattr(ledger_sites, "_COMPUTED_OVER", 400_000)
         found = bench.bench_ledger([60, 15], folder, rounds=4)
     assert list(folder.iterdir()) == []
     return found
@@ -136,7 +137,7 @@ def test_the_ledger_in_memory_is_the_ledger(tmp_path: Path) -> None:
     assert verify(tmp_path / "quick").blocks == 10
     with Ledger.open(tmp_path / "slow") as slow, Ledger.open(tmp_path / "quick") as quick:
         assert list(slow.entries()) == list(quick.entries()) == memory.entries
-    sizes = [bench._bytes_on_disk(tmp_path / name) for name in ("slow", "quick")]
+    sizes = [ledger_sites.bytes_on_disk(tmp_path / name) for name in ("slow", "quick")]
     assert sizes[0] == sizes[1]
     assert all(watch.us(stage) > 0 for stage in bench._STAGES[:-1])
 

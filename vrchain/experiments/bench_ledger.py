@@ -6,13 +6,9 @@ Everything is measured in one run, and what is compared in turns, so that noise 
 import contextlib
 import gc
 import hashlib
-import shutil
-import sqlite3
-import tempfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
-from itertools import islice
 from pathlib import Path
 from time import process_time_ns
 from timeit import Timer
@@ -21,9 +17,8 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
-from tqdm.auto import tqdm
 
-from vrchain.errors import LedgerError, OutputError
+from vrchain.errors import LedgerError
 from vrchain.experiments.ledger_baselines import (
     Cryptography,
     Disk,
@@ -34,10 +29,18 @@ from vrchain.experiments.ledger_baselines import (
     Turn,
     VerificationLimit,
 )
+from vrchain.experiments.ledger_sites import (
+    SMALL,
+    Site,
+    Size,
+    built,
+    bytes_on_disk,
+    grown,
+    scratch_folder,
+    size_of,
+)
 from vrchain.experiments.stopwatch import Stopwatch, race_us
-from vrchain.ledger import OPERATOR, Ledger, simulated_key, verify
-from vrchain.ledger.chain import genesis_entry
-from vrchain.seeding import generator
+from vrchain.ledger import Ledger, verify
 
 COLUMNS = ["name", "positions", "median_us", "reference_us", "ratio", "bar"]
 SIZE_COLUMNS = ["layout", "positions", "payload_bytes", "n_bytes", "ratio", "computed"]
@@ -50,11 +53,7 @@ LATEST_BAR, SAME_BAR, REFRESH_BAR = 4.0, 1.2, 5.0
 VERIFY_BAR = 1 / 0.7
 SIZE_BAR = 1.02
 
-_LARGE, _SMALL = 200_000, 1_000  # bytes of a payload
-_LARGE_UP_TO = 500  # positions
-_COMPUTED_OVER = 2_000_000_000  # bytes of a layout that is not written out any more
 _VERIFIED = 5_000  # positions: smaller ledgers are verified several times
-_STEP_NS = 1_000_000_000  # the simulated time between two positions
 _STAGES = ("hash", "encode", "sign", "validate", "append_memory", "append_durable")
 _LIMITS = {
     "hash": "SHA-256",
@@ -78,17 +77,6 @@ class Row(NamedTuple):
     bar: float | None = None
 
 
-class Size(NamedTuple):
-    """What a layout takes on disk; ``ratio`` over the distinct panoramas themselves."""
-
-    layout: str
-    positions: int
-    payload_bytes: int
-    n_bytes: int
-    ratio: float
-    computed: bool
-
-
 @dataclass(frozen=True)
 class Bench:
     """``rows`` has COLUMNS: times in microseconds, ``bar`` what ``ratio`` should not exceed.
@@ -98,43 +86,6 @@ class Bench:
 
     rows: pd.DataFrame
     sizes: pd.DataFrame
-
-
-class _Site:
-    """Where a ledger of so many positions lies, by robots that take turns."""
-
-    def __init__(self, folder: Path, positions: int, n_robots: int, seed: int, large: bool) -> None:
-        folder.mkdir()
-        self.folder, self.positions, self.large = folder, positions, large
-        self.payload_bytes = _LARGE if large else _SMALL
-        self.robots = [f"R{number}" for number in range(1, n_robots + 1)]
-        self.keys = {robot: simulated_key(seed, robot) for robot in self.robots}
-        self.operator = simulated_key(seed, OPERATOR)
-        self.order = generator(seed, "bench", "ledger", "order")
-        self._payloads = generator(seed, "bench", "ledger", "payloads", positions, n_robots)
-        self._done = 0
-
-    @property
-    def ledger(self) -> Path:
-        """The ledger's folder."""
-        return self.folder / "ledger"
-
-    @property
-    def size(self) -> str:
-        """Of the payloads, for the rows' names."""
-        return f"{self.payload_bytes // 1000} KB"
-
-    def turns(self, count: int, what: str = "") -> Iterator[Turn]:
-        """The next turns, each with a payload of its own; ``what`` is said to who waits."""
-        progress = tqdm(total=count, desc=f"{self.positions} positions: {what}", leave=False,
-                        disable=None if what else True, unit="")  # fmt: skip
-        with progress:
-            for _ in range(count):
-                robot = self.robots[self._done % len(self.robots)]
-                payload = self._payloads.bytes(self.payload_bytes)
-                yield Turn(robot, self.keys[robot], payload, self._done * _STEP_NS)
-                self._done += 1
-                progress.update()
 
 
 def bench_ledger(
@@ -153,14 +104,14 @@ def bench_ledger(
         raise LedgerError(f"expected at least 1 position in each ledger to measure, got {got}")
     rows: list[Row] = []
     sizes: list[Size] = []
-    with _scratch(folder) as scratch, contextlib.ExitStack() as stack:
+    with scratch_folder(folder) as scratch, contextlib.ExitStack() as stack:
         stack.callback(gc.unfreeze)
         sites = []
         for count in counts:
-            site = _Site(scratch / str(count), count, ROBOTS, seed, count <= _LARGE_UP_TO)
+            site = Site(scratch / str(count), count, ROBOTS, seed)
             sites.append(site)
-            memory = _built(site, 1 if site.large else ROBOTS)
-            sizes.append(_size(site, "the ledger", _bytes_on_disk(site.ledger)))
+            memory = built(site, 1 if site.large else ROBOTS)
+            sizes.append(size_of(site, "the ledger", bytes_on_disk(site.ledger)))
             rows.append(_verification(site, memory))
             with (
                 Ledger.open(site.ledger, writable=True) as ledger,
@@ -169,14 +120,14 @@ def bench_ledger(
                 contextlib.closing(JsonChain(site.folder / "json")) as chain,
             ):
                 layouts: dict[str, Layout] = {"inline": inline, "JSON": chain}
-                sizes += [_grown(site, name, layout) for name, layout in layouts.items()]
+                sizes += [grown(site, name, layout) for name, layout in layouts.items()]
                 gc.freeze()
                 rows += _updates(site, memory, ledger, layouts, disk, rounds)
                 rows += _retrieval(site, ledger, layouts, disk, rounds)
         if len(sites) > 1:
             rows.append(_same_at_both(sites[0], sites[-1], rounds))
-        crowd = _Site(scratch / "crowd", 2 * MANY_ROBOTS, MANY_ROBOTS, seed, large=False)
-        rows.append(_verification(crowd, _built(crowd, 1)))
+        crowd = Site(scratch / "crowd", 2 * MANY_ROBOTS, MANY_ROBOTS, seed)
+        rows.append(_verification(crowd, built(crowd, 1)))
     rows += [_size_row(size) for size in sizes]
     return Bench(pd.DataFrame(rows, columns=COLUMNS), pd.DataFrame(sizes, columns=SIZE_COLUMNS))
 
@@ -201,69 +152,12 @@ def as_text(bench: Bench) -> str:
     return "\n\n".join(parts)
 
 
-@contextlib.contextmanager
-def _scratch(folder: Path) -> Iterator[Path]:
-    """A new folder inside ``folder``, removed at the end, with ``folder`` if that was made here."""
-    is_new = not folder.exists()
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix="bench-ledger-", dir=folder))
-        try:
-            yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-            if is_new:
-                folder.rmdir()
-    except (OSError, sqlite3.Error) as error:
-        raise OutputError(
-            f"cannot work in {folder}: {error}; make room or choose another folder"
-        ) from error
-
-
-def _built(site: _Site, block_length: int) -> MemoryLedger:
-    """The ledger with all its positions, in memory and in the site's folder."""
-    members = {robot: key.public for robot, key in site.keys.items()}
-    ledger = MemoryLedger(genesis_entry(members, site.operator, 0))
-    turns = site.turns(site.positions, "the ledger")
-    while block := list(islice(turns, block_length)):
-        ledger.publish(block)
-    ledger.store(site.ledger)
-    gc.freeze()  # what the bench holds would be gone through again and again while it measures
-    return ledger
-
-
-def _grown(site: _Site, name: str, layout: Layout) -> Size:
-    """Bring a layout to all positions, or if it gets too large, to where its blocks are full."""
-    full = min(len(site.robots) + 1, site.positions)
-    for turn in site.turns(full, name):
-        before = layout.n_bytes
-        layout.publish(turn, sync=False)
-    rest = site.positions - full
-    n_bytes = layout.n_bytes + rest * (layout.n_bytes - before)
-    if n_bytes > _COMPUTED_OVER:
-        return _size(site, name, n_bytes, computed=True)
-    for turn in site.turns(rest, name):
-        layout.publish(turn, sync=False)
-    return _size(site, name, layout.n_bytes)
-
-
-def _size(site: _Site, name: str, n_bytes: int, computed: bool = False) -> Size:
-    ratio = n_bytes / (site.positions * site.payload_bytes)
-    return Size(name, site.positions, site.payload_bytes, n_bytes, ratio, computed)
-
-
 def _size_row(size: Size) -> Row:
-    large = size.payload_bytes == _LARGE
+    large = size.payload_bytes != SMALL
     bar = SIZE_BAR if large and size.layout == "the ledger" else None
     name = f"bytes of {size.layout}, {size.payload_bytes // 1000} KB"
     name += " (computed)" if size.computed else ""
     return Row(name, size.positions, ratio=size.ratio, bar=bar)
-
-
-def _bytes_on_disk(folder: Path) -> int:
-    """What the folder takes of the disk, its files' last blocks and the folders included."""
-    stats = [path.stat() for path in (folder, *folder.rglob("*"))]
-    return sum(max(stat.st_size, stat.st_blocks * 512) for stat in stats)
 
 
 def _bytes_of_an_update(ledger: MemoryLedger) -> int:
@@ -272,7 +166,7 @@ def _bytes_of_an_update(ledger: MemoryLedger) -> int:
     return sum(len(record.record) + len(record.id) for record in (block, records[0]))
 
 
-def _verification(site: _Site, ledger: MemoryLedger) -> Row:
+def _verification(site: Site, ledger: MemoryLedger) -> Row:
     """A position's share of verifying the whole ledger, beside its hashes and signatures alone.
 
     Of the processor's time: whole runs are long, and nothing waits for the disk, its files being
@@ -297,7 +191,7 @@ def _verification(site: _Site, ledger: MemoryLedger) -> Row:
 
 
 def _updates(
-    site: _Site,
+    site: Site,
     memory: MemoryLedger,
     ledger: Ledger,
     layouts: Mapping[str, Layout],
@@ -356,7 +250,7 @@ def _limits(times_us: Mapping[str, Times]) -> dict[str, Times]:
 
 
 def _update_rows(
-    site: _Site, way: str, times_us: Mapping[str, Times], watches: Sequence[Stopwatch]
+    site: Site, way: str, times_us: Mapping[str, Times], watches: Sequence[Stopwatch]
 ) -> list[Row]:
     """Whole updates beside the sum of the limits, and each stage beside its own."""
     limits = _limits(times_us)
@@ -371,7 +265,7 @@ def _update_rows(
 
 
 def _retrieval(
-    site: _Site, ledger: Ledger, layouts: Mapping[str, Layout], disk: Disk, rounds: int
+    site: Site, ledger: Ledger, layouts: Mapping[str, Layout], disk: Disk, rounds: int
 ) -> list[Row]:
     """What a robot asks of a ledger at its head, beside a dict, SQLite, and a hash."""
     robot = site.robots[0]
@@ -417,7 +311,7 @@ def _retrieval(
     ]
 
 
-def _same_at_both(small: _Site, large: _Site, rounds: int) -> Row:
+def _same_at_both(small: Site, large: Site, rounds: int) -> Row:
     """``latest`` of the largest ledger beside that of the smallest."""
     with Ledger.open(small.ledger) as few, Ledger.open(large.ledger) as many:
         names = {"few": few.latest, "many": many.latest, "robot": small.robots[0]}
