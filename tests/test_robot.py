@@ -20,6 +20,7 @@ from vrchain.robot import (
     Wander,
     free_bearing_rad,
     free_distances_m,
+    newcomer_m,
     steer,
     wander,
 )
@@ -283,3 +284,46 @@ def test_wandering_prefers_where_it_has_not_been() -> None:
         return float(np.mean([np.cos(mind.heading_rad) > 0.7 for mind in minds]))
 
     assert back_again(been) < 0.05 < 0.15 < back_again(None)
+
+
+# --- who comes ---
+
+
+def beside(bearing_deg: float, range_m: float) -> Pose:
+    bearing = np.radians(bearing_deg)
+    return Pose(range_m * np.cos(bearing), range_m * np.sin(bearing), bearing + np.pi)
+
+
+@pytest.mark.parametrize("bearing_deg", [0, 45, 90, -85])
+def test_who_comes_nearer_is_noticed_and_who_goes_or_stands_is_not(bearing_deg: float) -> None:
+    start = {"R1": Pose(0, 0), "R2": beside(bearing_deg, 1.6)}
+    simulator = Simulator(worlds.world(), start, seed=0)
+    before = simulator.observe("R1")
+    assert newcomer_m(before, before) == np.inf
+    simulator.step({"R2": Drive(0.6)}, 0.3)
+    now = simulator.observe("R1")
+    assert newcomer_m(before, now) == pytest.approx(1.6 - 0.18 - ROBOT_RADIUS_M, abs=0.08)
+    assert newcomer_m(now, before) > 2.0  # it goes; the time matters to nobody
+
+
+def test_who_comes_from_behind_has_to_mind_itself() -> None:
+    simulator = Simulator(worlds.world(), {"R1": Pose(0, 0), "R2": beside(180, 1.6)}, seed=0)
+    before = simulator.observe("R1")
+    simulator.step({"R2": Drive(0.6)}, 0.3)
+    assert newcomer_m(before, simulator.observe("R1")) == np.inf
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_nothing_comes_where_everything_stands(seed: int) -> None:
+    """Along walls, round corners, past a gap that opens."""
+    boxes = [
+        worlds.box(f"box {i}", (2.0 * i - 6.0, (-1) ** i * 1.3), (1.0, 0.8, 2.0), GREY)
+        for i in range(6)
+    ]
+    simulator = Simulator(worlds.world(*boxes), {"R1": Pose(-9, 0)}, seed=seed)
+    before, draws = simulator.observe("R1"), generator(seed, "drives")
+    for _ in range(60):
+        simulator.step({"R1": Drive(0.7, float(draws.normal(0.0, 0.3)))}, 0.3)
+        now = simulator.observe("R1")
+        assert newcomer_m(before, now) > 1.2
+        before = now

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import SpecError
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose, relative, wrap_angle_rad
 from vrchain.panorama import Panorama, view_change
 
 MAX_SPEED_M_S = 0.7  # a Pioneer P3-AT's limits
@@ -26,6 +26,8 @@ _TURN_PER_S = 1.5  # turn rate for each radian off
 _TURN_ON_SPOT_RAD = float(np.radians(50.0))
 _SEARCH_TURN_RAD_S = 1.0
 _KEEP_COURSE = 0.25  # weight of staying on course against going where desired
+_CAME_M = 0.1  # into what was free: five standard deviations of a reading
+_ABEAM_RAD = float(np.radians(100.0))  # what comes from farther behind minds the robot
 _HEADING_STEPS = 72
 _NEW_M = 15.0  # so far ahead a wandering robot minds where it has been
 
@@ -157,6 +159,24 @@ def free_bearing_rad(
         if free.any():
             return float(bearings[np.argmin(np.where(free, cost, np.inf))])
     return None
+
+
+def newcomer_m(before: Observation, now: Observation) -> float:
+    """How near is what has come to where the earlier range ring shows nothing; inf: nothing has.
+
+    Ahead or abeam. Where a beam went on before, and ends now, something has driven in; what fits
+    between two beams may seem to.
+    """
+    ring, earlier = now.range_ring_m, before.range_ring_m
+    beams, apart = 2 * np.pi * np.arange(len(ring)) / len(ring), 2 * np.pi / len(earlier)
+    moved = relative(before.odometry, now.odometry)
+    x_m = moved.x_m + ring * np.cos(beams + moved.yaw_rad)
+    y_m = moved.y_m + ring * np.sin(beams + moved.yaw_rad)
+    beside = np.floor(np.arctan2(y_m, x_m) / apart).astype(int) % len(earlier)
+    free_m = np.minimum(earlier[beside], earlier[(beside + 1) % len(earlier)])
+    came = np.hypot(x_m, y_m) < free_m - _CAME_M
+    came &= np.abs(wrap_angle_rad(beams)) < _ABEAM_RAD
+    return float(ring[came].min(initial=np.inf))
 
 
 def steer(

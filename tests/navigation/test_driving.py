@@ -2,12 +2,14 @@
 
 import numpy as np
 import pytest
+import worlds
 
 from navigation.plains import EYES, Plain, Walker
 from vrchain.geometry import Pose
 from vrchain.navigation.driving import Pilot, range_along_m
 from vrchain.navigation.terms import GaveUp, MissionConfig
-from vrchain.robot import Drive
+from vrchain.robot import Drive, Observation
+from vrchain.simulator import Simulator
 
 
 def pilot(shut_in: bool = False, **config: float) -> Pilot:
@@ -32,6 +34,33 @@ def test_who_makes_no_headway_is_stuck() -> None:
     ours = pilot(shut_in=True)
     assert ours.stretch(there(45.0), 1.0, 40.0) is None
     assert ours.now.time_ns <= (ours.config.stuck_after_s + 2) * 1e9
+
+
+class Crossed:
+    """A robot whose way another crosses, which minds nobody."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self.simulator = simulator
+
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
+        return self.simulator.observe("R1", look=look, towards_rad=towards_rad)
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        self.simulator.step({"R1": command, "R2": Drive(0.7)}, duration_s)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("ahead_m", "turned_rad"), [(0.9, 1.2), (1.2, 1.6)])
+def test_who_drives_gives_way_to_who_comes_from_the_side(
+    side: int, ahead_m: float, turned_rad: float
+) -> None:
+    """Steering alone, which minds what is ahead, drives into the other."""
+    start = {"R1": Pose(0, 0, 0.0), "R2": Pose(ahead_m, 1.4 * side, -turned_rad * side)}
+    simulator = Simulator(worlds.world(), start, seed=1)
+    ours = Pilot(Crossed(simulator), EYES, MissionConfig())
+    assert ours.stretch(np.array([9.0, 0.0]), 1.0, 6.0) is not None
+    assert simulator.collisions("R1") == 0
+    assert simulator.pose("R1").x_m > 5.0
 
 
 class Swaying(Walker):

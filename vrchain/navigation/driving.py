@@ -1,6 +1,7 @@
 """Driving and looking: to a place by odometry, around what the range ring shows."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from vrchain.navigation.places import Place
 from vrchain.navigation.terms import Body, GaveUp, MissionConfig
 from vrchain.navigation.ways import Ways
 from vrchain.panorama import Panorama
-from vrchain.robot import Observation, steer
+from vrchain.robot import Observation, newcomer_m, steer
 
 Array = NDArray[np.float64]
 
@@ -19,6 +20,7 @@ _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
 _TICKS = 3  # of steering between two looks for a way
 _PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
+_YIELDS_M = 1.2  # to what drives so near: steering minds only what is ahead
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
 
 
@@ -38,6 +40,7 @@ class Pilot:
         self.standing: list[Array] = []
         self.latest: tuple[Pose, Look] | None = None
         self.now: Observation = body.observe()
+        self._before = self.now  # the last time it drove
         self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
         self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
 
@@ -107,7 +110,11 @@ class Pilot:
                 if self.now.time_ns > self._deadline_ns:
                     raise GaveUp(f"out of time after {self.config.limit_s:g} s")
                 wanted = float(wrap_angle_rad(course - self.here.yaw_rad))
-                self.body.drive(steer(wanted, self.now.range_ring_m), self.config.tick_s)
+                drive = steer(wanted, self.now.range_ring_m)
+                if newcomer_m(self._before, self.now) < _YIELDS_M:
+                    drive = replace(drive, speed_m_s=0.0)
+                self._before = self.now
+                self.body.drive(drive, self.config.tick_s)
                 self.now = self.body.observe()
                 driven_m += previous.distance_to_m(self.here.xy_m)
                 previous = self.here
