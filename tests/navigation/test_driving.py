@@ -8,7 +8,7 @@ from navigation.plains import EYES, Plain, Walker
 from vrchain.geometry import Pose
 from vrchain.navigation.driving import Pilot, range_along_m
 from vrchain.navigation.terms import GaveUp, MissionConfig
-from vrchain.robot import Drive, Observation
+from vrchain.robot import Drive
 from vrchain.simulator import Simulator
 
 
@@ -36,14 +36,8 @@ def test_who_makes_no_headway_is_stuck() -> None:
     assert ours.now.time_ns <= (ours.config.stuck_after_s + 2) * 1e9
 
 
-class Crossed:
+class Crossed(worlds.Body):
     """A robot whose way another crosses, which minds nobody."""
-
-    def __init__(self, simulator: Simulator) -> None:
-        self.simulator = simulator
-
-    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
-        return self.simulator.observe("R1", look=look, towards_rad=towards_rad)
 
     def drive(self, command: Drive, duration_s: float) -> None:
         self.simulator.step({"R1": command, "R2": Drive(0.7)}, duration_s)

@@ -114,15 +114,16 @@ class Results:
 
     def has(self, stage: str) -> bool:
         """Whether a stage's results are there, made with the profile as it is now."""
-        return self._made(stage).get("profile") == json.loads(self.marker(stage))["profile"]
+        profile = json.loads(json.dumps(asdict(self.profile)))  # as a marker file has it
+        return self._made(stage).get("profile") == profile
 
     def by_other_code(self, stages: Iterable[str]) -> list[str]:
         """Those of some stages whose results the package made as it was before a change.
 
         Pictures and commands make none: see ``files.code_digest``.
         """
-        made = {stage: self._made(stage) for stage in stages if self.has(stage)}
-        return [stage for stage, how in made.items() if how.get("code") != code_digest()]
+        there = filter(self.has, stages)
+        return [stage for stage in there if self._made(stage).get("code") != code_digest()]
 
     def marker(self, stage: str) -> str:
         """The content of a finished stage's marker file."""
