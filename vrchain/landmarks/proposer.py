@@ -91,7 +91,7 @@ def propose(panorama: Panorama, network: "Network") -> tuple[Proposals, NDArray[
     shown = picture_of(panorama)
     picture = torch.from_numpy(shown).permute(2, 0, 1)[None]
     network.eval()
-    with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16):
+    with torch.inference_mode(), network.precision():
         pixels = (picture.float() / 255).contiguous(memory_format=torch.channels_last)
         answers = {k: a[0].numpy() for k, a in network(pixels).items()}
     answers["landmark"][0][_blank(shown)] = -np.inf

@@ -87,7 +87,7 @@ def learn(config: TrainConfig, folder: Path) -> tuple[Network, list[dict[str, An
         further = step >= config.steps
         draws = generator(config.seed, "parts", step) if further else None
         for pictures, targets, spots in batch:
-            with torch.autocast("cpu", dtype=torch.bfloat16):
+            with network.precision():
                 answers = network(pictures)
             embedded = landmark_embeddings(answers, targets, network.centre, draws)
             parts = losses(answers, targets, embedded, strangers)
@@ -235,7 +235,7 @@ def metrics(network: Network, held_out: list[Examples]) -> dict[str, float]:
             pictures, targets, spots = _group(
                 suburb, int(group), spots=generator(0, "watched", int(group))
             )
-            with torch.inference_mode(), torch.autocast("cpu", dtype=torch.bfloat16):
+            with torch.inference_mode(), network.precision():
                 answers = network(pictures)
             embedding, ids, panorama = landmark_embeddings(answers, targets)
             of_these, in_all = spots_right(answers["local"], spots)
