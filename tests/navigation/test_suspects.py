@@ -124,6 +124,17 @@ def test_a_sight_that_may_be_of_something_else_tells_no_size() -> None:
     assert told is not None and told[0][0] == pytest.approx(4.7, abs=1.5)
 
 
+def test_one_odd_size_from_near_does_not_move_the_goal() -> None:
+    """As it was met 1.2 m before a goal: the robot drove on to the house beside it."""
+    seen = [(16.0, 16.8), (10.0, 11.5), (6.0, 7.2), (1.5, 2.4), (0.0, 6.2)]
+    sights = tuple(
+        (Pose(-off_m, 0.0), GoalSight(0.0, side_m, side_m, 0.2, 17, 3.2, 0.95, sized=True))
+        for off_m, side_m in seen
+    )
+    told = Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights).by_size()
+    assert told is not None and abs(told[0][0]) < 2.5
+
+
 def test_what_comes_to_meet_the_robot_is_nearer_than_its_size_says() -> None:
     """A house whose pictures were taken from nearer than was supposed; three sights tell little."""
     far, near = ([20.0, 17.0, 14.0], [20.0, 17.0, 14.0, 11.0, 8.0, 5.0, 2.0])
