@@ -8,8 +8,9 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.arrival import Arrival
+from vrchain.navigation.driving import Pilot
 from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.places import Place
 from vrchain.navigation.suspects import Suspect
@@ -34,6 +35,9 @@ class Standing:
 
     def ahead_m(self, *bearing_rad: float) -> float:
         return 8.0
+
+    def surface_m(self, bearing_rad: float) -> float:
+        return float("inf")
 
     def until_ns(self, place: Place) -> int:
         return self.now.time_ns + 1
@@ -299,3 +303,35 @@ def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: 
     cast(Any, ours.pilot).here = Pose(20.0, 0.0)
     there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
     assert (there is None) == (short_m > 0)
+
+
+class BesideAWall(Standing):
+    """Along a wall to the right, and before what may be a bush."""
+
+    ahead_m, surface_m = Pilot.ahead_m, Pilot.surface_m  # type: ignore[assignment]
+
+    def __init__(self, wall_m: float, bush_rad: float, bush_m: float) -> None:
+        super().__init__()
+        beams = 2 * np.pi * np.arange(72) / 72
+        ring = np.minimum(wall_m / np.maximum(-np.sin(beams), 1e-9), 8.0)
+        hidden = np.abs(wrap_angle_rad(beams - bush_rad)) < 0.3
+        ring[hidden] = np.minimum(ring[hidden], bush_m)
+        self.now.range_ring_m = ring
+
+
+@pytest.mark.parametrize(
+    ("wall_m", "bearing_rad", "bush_m", "here"),
+    [(1.4, -0.32, 8.0, True), (2.5, -0.6, 8.0, False), (1.4, -0.32, 1.2, False)],
+)
+def test_who_looks_along_its_wall_stands_before_it(
+    wall_m: float, bearing_rad: float, bush_m: float, here: bool
+) -> None:
+    """As it was met: a robot saw its goal's far end, 1.4 m from its wall, and went round it.
+
+    Not if that wall is nowhere near, nor if a bush is met before what is seen.
+    """
+    sight = GoalSight(bearing_rad, 6.5, 6.5, 0.4, 62, 3.5, 0.99, sized=True)
+    ours = arrival()
+    ours.pilot = cast(Any, BesideAWall(wall_m, bearing_rad, bush_m))
+    seen = Suspect(Place(np.array([1.4, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    assert (ours._behind_this(seen) is None) == here

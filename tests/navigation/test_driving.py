@@ -6,7 +6,7 @@ import worlds
 
 from navigation.plains import EYES, Plain, Walker
 from vrchain.geometry import Pose
-from vrchain.navigation.driving import Pilot, range_along_m
+from vrchain.navigation.driving import Pilot, nearest_of_surface_m, range_along_m
 from vrchain.navigation.terms import GaveUp, MissionConfig
 from vrchain.robot import Drive
 from vrchain.simulator import Simulator
@@ -91,3 +91,22 @@ def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
     assert range_along_m(ring, -0.05) == 1.0
     assert range_along_m(ring, 0.5) == 8.0
     assert range_along_m(np.array([4.0]), 2.0) == np.inf
+
+
+@pytest.mark.parametrize("turn", [0, 20, 50])
+@pytest.mark.parametrize(
+    ("bearing_rad", "near_m"),
+    [(1.2, 1.5), (0.4, 1.5), (0.0, np.inf), (-1.2, 2.0), (-0.7, 4.88), (-2.2, 4.0)],
+)
+def test_a_surface_is_followed_to_where_it_comes_nearest(
+    bearing_rad: float, near_m: float, turn: int
+) -> None:
+    """A wall 1.5 m to the left, on the right a bush before a wall 4 m away."""
+    beams = 2 * np.pi * np.arange(72) / 72
+    to_left = np.where(np.sin(beams) > 0, 1.5 / np.maximum(np.sin(beams), 1e-9), 8.0)
+    to_right = np.where(np.sin(beams) < 0, 4.0 / np.maximum(-np.sin(beams), 1e-9), 8.0)
+    ring = np.minimum(np.minimum(to_left, to_right), 8.0)
+    ring[np.abs(beams - (2 * np.pi - 1.2)) < 0.2] = 2.0
+    turned = np.roll(ring, turn)
+    told_m = nearest_of_surface_m(turned, bearing_rad + turn * 2 * np.pi / 72, reach_m=7.9)
+    assert told_m == pytest.approx(near_m, abs=0.05)

@@ -22,6 +22,7 @@ _TICKS = 3  # of steering between two looks for a way
 _PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
 _YIELDS_M = 1.2  # to what drives so near: steering minds only what is ahead
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
+_ONE_SURFACE_M = 1.0  # neighbouring beams that end no farther apart meet one surface
 
 
 class Pilot:
@@ -80,6 +81,10 @@ class Pilot:
         """What the range ring shows around a bearing: the shortest reading, or another one."""
         return range_along_m(self.now.range_ring_m, bearing_rad, half_width_rad, of)
 
+    def surface_m(self, bearing_rad: float) -> float:
+        """How near the surface comes that is met at a bearing; inf if none is."""
+        return nearest_of_surface_m(self.now.range_ring_m, bearing_rad, self.ways.reach_m)
+
     def until_ns(self, place: Place) -> int:
         """When an approach to a place has taken too long."""
         limit_s = self.config.leg_limit_s + place.range_m(self.here) / _SLOW_M_S
@@ -128,6 +133,27 @@ def range_along_m(
     of: Callable[[Array], np.floating] = np.min,
 ) -> float:
     """The shortest reading, or another one, of a range ring within so much of a bearing."""
-    beams = 2 * np.pi * np.arange(len(range_ring_m)) / len(range_ring_m)
+    beams = _bearings_rad(range_ring_m)
     near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad
     return float(of(range_ring_m[near])) if near.any() else float("inf")
+
+
+def nearest_of_surface_m(range_ring_m: Array, bearing_rad: float, reach_m: float) -> float:
+    """How near the surface comes that a range ring meets at a bearing; inf if it meets none."""
+    beams = _bearings_rad(range_ring_m)
+    first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
+    ring = np.roll(range_ring_m, -first)
+    met = ring < reach_m
+    if not met[0]:
+        return float("inf")
+    ends = ring[:, None] * np.column_stack([np.cos(beams), np.sin(beams)])
+    apart_m = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
+    joined = met & np.roll(met, -1) & (apart_m <= _ONE_SURFACE_M)  # to the next beam
+    onward = np.append(True, np.logical_and.accumulate(joined)[:-1])
+    back = np.logical_and.accumulate(joined[::-1])[::-1]
+    return float(ring[onward | back].min())
+
+
+def _bearings_rad(range_ring_m: Array) -> Array:
+    """Along which its beams point."""
+    return 2 * np.pi * np.arange(len(range_ring_m)) / len(range_ring_m)

@@ -17,11 +17,10 @@ _RICH = 500  # keypoints on a goal in a picture, from which it is no plain thing
 _SIDE_RAD = 0.8  # sights in directions so far apart show one side of it
 # How large it looks tells how far it is to a share and some metres more, beside an error of its
 # pictures' distance, the same in all sights (see ``goal``). On 104 approaches in suburbs of seeds
-# 1341 and 1342 its side was told, by the last sight alone, to be more than 3 m away in 6 of 43
-# sights from 2 m, and less in 2 of 79 from 4 to 5 m; in 7 % and 9 % it was 3.5 m.
+# 1341 and 1342 its side was told to be more than 3 m away in 6 of 43 sights from 2 m, and less in 2
+# of 79 from 4 to 5 m; in 7 % and 9 % it was 3.5 m.
 _GREW, _SIZE_STD, _SIZE_STD_M = 3, 0.1, 0.3  # in so many sights, at least
 _TAKEN_STD = 0.16
-_LATELY = 3  # sights whose middle one tells where it is
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,10 +65,7 @@ class Suspect:
         return float(np.median(widths)) if widths else 0.0
 
     def by_size(self) -> tuple[Array, Array] | None:
-        """Where its side is by how large it looked lately, (2,), and the way there, seen last.
-
-        The middle of what the last sights tell: one from near may be far off.
-        """
+        """Where its side is by how large it looked last, (2,), and its way there as seen then."""
         sized = [(here, s) for here, s in self.sights if s.sized and s.chance >= EVEN]
         if not sized:
             return None
@@ -78,8 +74,7 @@ class Suspect:
         stood = np.array([here.xy_m for here, _ in sized])[side]
         range_m = np.array([sight.surface_m for _, sight in sized])
         away = (range_m * np.stack([np.cos(course), np.sin(course)])).T[side]
-        there = stood + by_growth(stood, away) * away
-        return np.median(there[-_LATELY:], axis=0), away[-1]
+        return stood[-1] + by_growth(stood, away) * away[-1], away[-1]
 
 
 def _is_surest(sight: GoalSight, config: MissionConfig) -> bool:
