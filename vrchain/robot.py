@@ -115,6 +115,11 @@ class UpdateMonitor:
         self._here = observation.odometry
 
 
+def beams_rad(n_beams: int) -> NDArray[np.float64]:
+    """Bearings along which the beams of a range ring point, (n_beams,) float."""
+    return 2 * np.pi * np.arange(n_beams) / n_beams
+
+
 def free_distances_m(
     range_ring_m: ArrayLike, bearings_rad: ArrayLike, radius_m: float = _CORRIDOR_RADIUS_M
 ) -> NDArray[np.float64]:
@@ -124,7 +129,7 @@ def free_distances_m(
     the disc stops only what leads towards it.
     """
     ring = np.asarray(range_ring_m, dtype=float)
-    beams = 2 * np.pi * np.arange(len(ring)) / len(ring)
+    beams = beams_rad(len(ring))
     angle = beams[None, :] - np.atleast_1d(np.asarray(bearings_rad, dtype=float))[:, None]
     forward, lateral = ring * np.cos(angle), ring * np.sin(angle)
     in_the_way = (np.abs(lateral) < radius_m) & (forward > 0)
@@ -168,7 +173,7 @@ def newcomer_m(before: Observation, now: Observation) -> float:
     between two beams may seem to.
     """
     ring, earlier = now.range_ring_m, before.range_ring_m
-    beams, apart = 2 * np.pi * np.arange(len(ring)) / len(ring), 2 * np.pi / len(earlier)
+    beams, apart = beams_rad(len(ring)), 2 * np.pi / len(earlier)
     moved = relative(before.odometry, now.odometry)
     x_m = moved.x_m + ring * np.cos(beams + moved.yaw_rad)
     y_m = moved.y_m + ring * np.sin(beams + moved.yaw_rad)

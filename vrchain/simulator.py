@@ -15,7 +15,14 @@ from vrchain.errors import MissionError, PoseError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
-from vrchain.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, STOP, Drive, Observation
+from vrchain.robot import (
+    MAX_SPEED_M_S,
+    MAX_TURN_RAD_S,
+    STOP,
+    Drive,
+    Observation,
+    beams_rad,
+)
 from vrchain.scene.model import ROBOT_RADIUS_M, Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth
@@ -180,7 +187,7 @@ class Simulator:
         (a car's overhang, say), whichever is nearer: like a scanner of many layers, flattened.
         """
         body = self._body(robot)
-        angle = body.pose.yaw_rad + 2 * np.pi * np.arange(N_BEAMS) / N_BEAMS
+        angle = body.pose.yaw_rad + beams_rad(N_BEAMS)
         rays = np.stack([np.cos(angle), np.sin(angle), np.zeros(N_BEAMS)], axis=1)
         _, hit_m = self.truth.cast([body.pose.x_m, body.pose.y_m, RANGE_HEIGHT_M], rays)
         ring = np.minimum(hit_m.astype(float), self._ranges_to_edge_m(body.pose, rays[:, :2]))

@@ -12,7 +12,7 @@ from vrchain.navigation.places import Place
 from vrchain.navigation.terms import Body, GaveUp, MissionConfig
 from vrchain.navigation.ways import Ways
 from vrchain.panorama import Panorama
-from vrchain.robot import Observation, newcomer_m, steer
+from vrchain.robot import Observation, beams_rad, newcomer_m, steer
 
 Array = NDArray[np.float64]
 
@@ -133,14 +133,14 @@ def range_along_m(
     of: Callable[[Array], np.floating] = np.min,
 ) -> float:
     """The shortest reading, or another one, of a range ring within so much of a bearing."""
-    beams = _bearings_rad(range_ring_m)
+    beams = beams_rad(len(range_ring_m))
     near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad
     return float(of(range_ring_m[near])) if near.any() else float("inf")
 
 
 def nearest_of_surface_m(range_ring_m: Array, bearing_rad: float, reach_m: float) -> float:
     """How near the surface comes that a range ring meets at a bearing; inf if it meets none."""
-    beams = _bearings_rad(range_ring_m)
+    beams = beams_rad(len(range_ring_m))
     first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
     ring = np.roll(range_ring_m, -first)
     met = ring < reach_m
@@ -152,8 +152,3 @@ def nearest_of_surface_m(range_ring_m: Array, bearing_rad: float, reach_m: float
     onward = np.append(True, np.logical_and.accumulate(joined)[:-1])
     back = np.logical_and.accumulate(joined[::-1])[::-1]
     return float(ring[onward | back].min())
-
-
-def _bearings_rad(range_ring_m: Array) -> Array:
-    """Along which its beams point."""
-    return 2 * np.pi * np.arange(len(range_ring_m)) / len(range_ring_m)

@@ -16,6 +16,7 @@ from scipy.spatial import cKDTree
 
 from vrchain.geometry import Pose
 from vrchain.navigation.terms import GaveUp
+from vrchain.robot import beams_rad
 
 Array = NDArray[np.float64]
 
@@ -54,7 +55,7 @@ class Ways:
         else:
             self.driven_m += self._last.distance_to_m(here.xy_m)
         self._last = here
-        angle = here.yaw_rad + 2 * np.pi * np.arange(len(ring)) / len(ring)
+        angle = here.yaw_rad + beams_rad(len(ring))
         rays = np.stack([np.cos(angle), np.sin(angle)], axis=1)
         steps = np.arange(0.0, _CLEARED_M, _CELL_M)
         free = steps[None, :] < ring[:, None] - 2 * _CELL_M
