@@ -15,14 +15,7 @@ from vrchain.errors import MissionError, PoseError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig
 from vrchain.render import Renderer
-from vrchain.robot import (
-    MAX_SPEED_M_S,
-    MAX_TURN_RAD_S,
-    STOP,
-    Drive,
-    Observation,
-    beams_rad,
-)
+from vrchain.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, STOP, Drive, Observation, beams_rad
 from vrchain.scene.model import ROBOT_RADIUS_M, Scene
 from vrchain.seeding import generator
 from vrchain.truth import GroundTruth

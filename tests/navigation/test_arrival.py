@@ -15,6 +15,7 @@ from vrchain.navigation.goal import GoalSight
 from vrchain.navigation.places import Place
 from vrchain.navigation.suspects import Suspect
 from vrchain.navigation.terms import MissionConfig
+from vrchain.robot import beams_rad
 
 
 class Standing:
@@ -312,7 +313,7 @@ class BesideAWall(Standing):
 
     def __init__(self, wall_m: float, bush_rad: float, bush_m: float) -> None:
         super().__init__()
-        beams = 2 * np.pi * np.arange(72) / 72
+        beams = beams_rad(72)
         ring = np.minimum(wall_m / np.maximum(-np.sin(beams), 1e-9), 8.0)
         hidden = np.abs(wrap_angle_rad(beams - bush_rad)) < 0.3
         ring[hidden] = np.minimum(ring[hidden], bush_m)

@@ -8,7 +8,7 @@ from navigation.plains import EYES, Plain, Walker
 from vrchain.geometry import Pose
 from vrchain.navigation.driving import Pilot, nearest_of_surface_m, range_along_m
 from vrchain.navigation.terms import GaveUp, MissionConfig
-from vrchain.robot import Drive
+from vrchain.robot import Drive, beams_rad
 from vrchain.simulator import Simulator
 
 
@@ -102,7 +102,7 @@ def test_a_surface_is_followed_to_where_it_comes_nearest(
     bearing_rad: float, near_m: float, turn: int
 ) -> None:
     """A wall 1.5 m to the left, on the right a bush before a wall 4 m away."""
-    beams = 2 * np.pi * np.arange(72) / 72
+    beams = beams_rad(72)
     to_left = np.where(np.sin(beams) > 0, 1.5 / np.maximum(np.sin(beams), 1e-9), 8.0)
     to_right = np.where(np.sin(beams) < 0, 4.0 / np.maximum(-np.sin(beams), 1e-9), 8.0)
     ring = np.minimum(np.minimum(to_left, to_right), 8.0)
