@@ -187,9 +187,9 @@ def test_names_and_the_worlds_frame_are_nothing_to_a_robot(
 ) -> None:
     """The scene is turned, shifted, and all its objects are renamed: the log stays as it is.
 
-    A turn by a right angle changes not one pixel, but last bits of range readings: from the start in
-    view two ways have parted after 44 s, between two that were as good. A shift changes the last bit of
-    coordinates, so a few pixels in a thousand, by little: what is decided first stays.
+    A turn by a right angle changes not one pixel, but last bits of range readings: in view of the
+    goal two ways have parted after 44 s, between two that were as good. A shift changes the last
+    bit of coordinates, so a few pixels in a thousand, by little: what is decided first stays.
     """
     here = on_grid(hamlet(), 400.0)  # so wide that its edge is not felt
     elsewhere = moved(here, np.pi / 2, shift_m)
