@@ -93,16 +93,49 @@ def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
     assert not ours.was_mistaken(Place(np.array([24.0, 0.0]), np.eye(2)))
 
 
-@pytest.mark.parametrize(("chance", "n_sides"), [(0.6, 1), (0.75, 2), (0.9, 3), (0.99, 3)])
+@pytest.mark.parametrize(("chance", "n_sides"), [(0.6, 1), (0.75, 2), (0.9, 4), (0.99, 5)])
 def test_what_is_less_likely_is_looked_at_from_fewer_sides(
     chance: float, n_sides: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each side that leaves it unsure halves its odds."""
     ours, seen = arrival(), suspect(8.0, chance)
-    sides = iter([seen.place] * 3)
-    monkeypatch.setattr(ours, "_sides", lambda suspect: sides)
+    sides = iter([seen.place] * 5)
+    monkeypatch.setattr(ours, "_sides", lambda suspect, n: sides)
     assert not ours._circle(seen).is_sure(MissionConfig())
-    assert 3 - len(list(sides)) == n_sides
+    assert 5 - len(list(sides)) == n_sides
+
+
+def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> None:
+    """As it was met: a barn that looked like the goal from three sides, surely from the fifth."""
+    ours, seen = arrival(), suspect(8.0, 0.97)
+    middle_xy_m, pilot = np.array([12.0, 0.0]), cast(Any, ours.pilot)
+    turns: list[float] = []
+
+    def stretch(xy_m: Any, *way: object) -> float:
+        pilot.here, pilot.now.time_ns = Pose(*xy_m), pilot.now.time_ns + 1
+        return 1.0
+
+    def find(look: Any, bearing_rad: float, window_rad: float) -> GoalSight:
+        turns.append(pilot.here.bearing_to_rad(middle_xy_m))
+        surely = abs(turns[-1] + np.pi / 3) < 0.1
+        return GoalSight(bearing_rad, 8.0, 8.0, 0.2, 60 if surely else 12, 3.0, 0.97)
+
+    pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find))
+    assert ours._circle(seen).is_sure(MissionConfig())
+    assert len(turns) >= 4
+
+
+def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() -> None:
+    """As it was met: a goal that was doubted by one poor sight, and then seen well in vain."""
+    ours = arrival()
+    assert not ours.drive_to(suspect(8.0, 0.6))
+    for chance, given_up in ((0.85, True), (0.95, False)):
+        assert ours.was_mistaken(suspect(8.0).place, chance) == given_up
+        ours.suspects = [suspect(8.0, chance)]
+        assert (ours.likeliest is None) == given_up
+    assert not ours.drive_to(suspect(8.0, 0.95))
+    assert ours.was_mistaken(suspect(8.0).place, 0.95)
+    assert ours.was_mistaken(suspect(8.0).place)
 
 
 def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
@@ -130,6 +163,17 @@ def test_what_was_surely_seen_from_afar_is_gone_round_if_it_is_not_seen_from_nea
     assert seen.against == 3 and (seen.chance > 0.5) == goes_round
     ours.drive_to(seen)
     assert ("circle" in told) == goes_round
+
+
+@pytest.mark.parametrize(("ahead_m", "against"), [(8.0, 1), (2.0, 0)])
+def test_a_glance_at_a_wall_just_ahead_does_not_speak_against_what_is_behind(
+    ahead_m: float, against: int
+) -> None:
+    """As it was met: ten of them along a goal's own wall, and it was given up."""
+    ours, seen = arrival(), suspect(8.0)
+    cast(Any, ours.pilot).ahead_m = lambda *asked: ahead_m
+    after = ours._regarded(seen)
+    assert after.against == against and (after.chance < seen.chance) == bool(against)
 
 
 def test_the_side_in_front_is_another_on_the_way() -> None:
@@ -223,7 +267,7 @@ def test_from_another_side_it_is_looked_at_before_it_is_claimed(
     before = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
     beside: list[Suspect] = []
 
-    def sides(suspect: Suspect) -> Iterator[Place]:
+    def sides(suspect: Suspect, n: int) -> Iterator[Place]:
         beside.append(before)
         yield before.place
 
@@ -245,7 +289,7 @@ def test_what_is_no_longer_sure_is_not_claimed(
     at = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.9, seen)
     assert at.is_sure(MissionConfig())
     monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
-    monkeypatch.setattr(ours, "_sides", lambda suspect: iter(()))
+    monkeypatch.setattr(ours, "_sides", lambda suspect, n: iter(()))
     assert ours.drive_to(at) == (unsure == 1)
     assert ours.was_mistaken(at.place) == (unsure == 2)
 

@@ -16,7 +16,8 @@ from vrchain.navigation.places import Place, sighted
 from vrchain.navigation.suspects import EVEN, SHAPE_M, Suspect
 from vrchain.navigation.terms import Log
 
-_DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again
+_DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again,
+_SURER = 5.0  # unless its odds are so many times what they were
 _SAME_STD = 3.0  # standard deviations within which two sights are of one thing
 _ASTRAY = 4.0  # ... beyond which a glance did not show what is driven to
 NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
@@ -42,8 +43,8 @@ _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that 
 # Of the six around a goal, counted from where the robot stands. From 231 places that showed one of
 # 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344, it was sure from that side
 # in 75 %, with one side more in 89 %, with two in 96 %, with three in 98 %. A side costs some 17 s.
-# With so many as leave it likely, in 96 %, after 0.3 sides; other houses were left after 0.9.
-_SIDES = (1, 2, 3)
+# As many as leave it likely, three at most: in 96 %, after 0.3; other houses were left after 0.9.
+_SIDES, _SIDES_OF_IT = 5, 3  # at most, until it is sure; and then, to get nearer to it
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
 
@@ -54,7 +55,8 @@ class Arrival:
     def __init__(self, pilot: Pilot, goal: KnownGoal, log: Log) -> None:
         self.pilot, self.goal, self.log = pilot, goal, log
         self.suspects: list[Suspect] = []
-        self._mistaken: list[Array] = []  # where what looked like the goal was something else
+        # Where what looked like the goal was something else, and its surest sight.
+        self._mistaken: list[tuple[Array, float]] = []
         self._blocked: list[Array] = []  # where no way led to it
 
     @property
@@ -63,7 +65,7 @@ class Arrival:
         pilot = self.pilot
         worth = [
             s for s in self.suspects
-            if not self.was_mistaken(s.place)
+            if not self.was_mistaken(s.place, s.surest)
             and s.chance >= min(
                 pilot.config.likely,
                 pilot.config.chance_per_m * (s.place.range_m(pilot.here) + _START_M),
@@ -84,13 +86,19 @@ class Arrival:
         self.suspects.append(Suspect(place, sight.chance, ((self.pilot.here, sight),)))
         return self.suspects[-1]
 
-    def was_mistaken(self, place: Place) -> bool:
-        """Whether what is there looked like the goal and was something else."""
-        return _near(self._mistaken, place)
+    def was_mistaken(self, place: Place, chance: float = 0.0) -> bool:
+        """Whether what is there looked like the goal and was something else.
+
+        chance: of a sight of it; one that is far surer than all before makes it worth another try.
+        """
+        return any(
+            _is_near(xy_m, place) and chance * (1 - before) <= _SURER * before * (1 - chance)
+            for xy_m, before in self._mistaken
+        )
 
     def is_blocked(self, place: Place) -> bool:
         """Whether no way led to what is there, which may be the goal all the same."""
-        return _near(self._blocked, place) and not self.was_mistaken(place)
+        return self._was_blocked(place) and not self.was_mistaken(place)
 
     def drive_to(self, suspect: Suspect) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
@@ -104,14 +112,14 @@ class Arrival:
         if self._is_claimed(suspect):
             return True
         before = suspect.place
-        for side in self._sides(suspect):
+        for side in self._sides(suspect, _SIDES_OF_IT):
             suspect = self._regarded(replace(suspect, place=side))
             suspect = self._driven_on(self._close_in(suspect), 1)
             if self._is_claimed(suspect):
                 return True
         if not suspect.is_sure(self.pilot.config):
             return self._doubt(replace(suspect, place=before))
-        return self._give_up(before)
+        return self._give_up(replace(suspect, place=before))
 
     def _circle(self, suspect: Suspect) -> Suspect:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
@@ -121,7 +129,7 @@ class Arrival:
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
         before, (middle_xy_m, _) = suspect.place, self._middle(suspect)
         suspect, chance = replace(suspect, against=0), suspect.chance
-        for side in self._sides(suspect):
+        for side in self._sides(suspect, _SIDES):
             suspect = self._regarded(replace(suspect, place=side))
             if suspect.is_sure(self.pilot.config):
                 return self._close_in(suspect)
@@ -129,7 +137,7 @@ class Arrival:
             if chance < EVEN:
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
-            self._mistaken.append(middle_xy_m)
+            self._mistaken.append((middle_xy_m, suspect.surest))
         return replace(suspect, place=before)
 
     def _is_claimed(self, suspect: Suspect) -> bool:
@@ -143,8 +151,7 @@ class Arrival:
         """What was seen from near and never surely looked like the goal; never arrived."""
         self.log("doubt", "it never looked enough like the goal's pictures")
         if suspect.sights:
-            near = suspect.place.range_m(self.pilot.here) < NEAR_M
-            self._not_again(suspect.place, near)
+            self._not_again(suspect, suspect.place.range_m(self.pilot.here) < NEAR_M)
         return False
 
     def _driven_on(self, suspect: Suspect, tries: int) -> Suspect:
@@ -179,16 +186,21 @@ class Arrival:
         at = any(self._is_at(place, _NEARLY_M) for place in places)
         return at and self._behind_this(suspect) is None
 
-    def _give_up(self, place: Place) -> bool:
+    def _give_up(self, suspect: Suspect) -> bool:
         """What cannot be reached is tried once more, later; never arrived."""
         self.log("blocked", "no way leads to the goal from here")
-        self._not_again(place)
+        self._not_again(suspect)
         return False
 
-    def _not_again(self, place: Place, refuted: bool = False) -> None:
+    def _not_again(self, suspect: Suspect, refuted: bool = False) -> None:
         """Nothing there is the goal, or else it is tried once more."""
-        mistaken = refuted or _near(self._blocked, place)
-        (self._mistaken if mistaken else self._blocked).append(place.xy_m)
+        if refuted or self._was_blocked(suspect.place):
+            self._mistaken.append((suspect.place.xy_m, suspect.surest))
+        else:
+            self._blocked.append(suspect.place.xy_m)
+
+    def _was_blocked(self, place: Place) -> bool:
+        return any(_is_near(xy_m, place) for xy_m in self._blocked)
 
     def _begin(self, suspect: Suspect) -> None:
         """It is a suspect no longer: it is driven to."""
@@ -206,14 +218,14 @@ class Arrival:
 
     def _is_fair(self, sight: GoalSight) -> bool:
         """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
-        return not self.was_mistaken(self._place_of(sight))
+        return not self.was_mistaken(self._place_of(sight), sight.chance)
 
     def _is_likely(self, suspect: Suspect) -> bool:
         return bool(suspect.sights) and suspect.chance >= EVEN
 
     def _is_worth_a_circle(self, suspect: Suspect) -> bool:
         """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
-        return self._is_likely(suspect) and not self.was_mistaken(suspect.place)
+        return self._is_likely(suspect) and not self.was_mistaken(suspect.place, suspect.surest)
 
     def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
         """One more sight of it; a second one from one place tells nothing new."""
@@ -265,17 +277,18 @@ class Arrival:
         sight = self.goal.find(look, bearing, window_rad)
         missed = sight is None or sight.chance < _DOUBT_CHANCE
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
-            if not SHAPE_M < range_m < NEAR_M:
-                return suspect
+            shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
+            if not SHAPE_M < shown_m < NEAR_M:
+                return suspect  # from so far, or so near to what hides it, it may not be seen
             return replace(suspect, chance=_after(suspect.chance), against=suspect.against + 1)
         return self._with_sight(suspect, sight)
 
-    def _sides(self, suspect: Suspect) -> Iterator[Place]:
-        """Its sides, each once the robot has driven to look at it."""
+    def _sides(self, suspect: Suspect, n: int) -> Iterator[Place]:
+        """Its next sides, each once the robot has driven to look at it."""
         pilot = self.pilot
         middle, half_m = self._middle(suspect)
         first = np.arctan2(*(pilot.here.xy_m - middle)[::-1])
-        for turn in _SIDES:
+        for turn in range(1, n + 1):
             angle = first + turn * np.pi / 3
             outward = np.array([np.cos(angle), np.sin(angle)])
             stand_xy_m = middle + (half_m + _AROUND_M) * outward
@@ -373,6 +386,6 @@ def _after(chance: float) -> float:
     return odds / (odds + 1 - chance)
 
 
-def _near(known_xy_m: list[Array], place: Place) -> bool:
-    """Whether a place is one of those known, about."""
-    return any(np.hypot(*(place.xy_m - xy_m)) < _DOUBTED_M for xy_m in known_xy_m)
+def _is_near(known_xy_m: Array, place: Place) -> bool:
+    """Whether a place is one that is known, about."""
+    return bool(np.hypot(*(place.xy_m - known_xy_m)) < _DOUBTED_M)

@@ -5,7 +5,7 @@ homing tells it, look by look.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -91,7 +91,7 @@ class PlaceArrival(Arrival):
                 break
         self.log("doubt", "what is seen here is not what the goal's panorama shows")
         if suspect.sights:
-            self._not_again(place)
+            self._not_again(replace(suspect, place=place))
         return False
 
     def _told(self, look: Look, home: HomeVector | None, before: Place) -> Place | None:

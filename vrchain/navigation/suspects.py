@@ -55,6 +55,11 @@ class Suspect:
         return surest and len(shapes) >= max(_AGREE, n_seen / 2)
 
     @property
+    def surest(self) -> float:
+        """The chance of its surest sight, none if it was not seen."""
+        return max((sight.chance for _, sight in self.sights), default=0.0)
+
+    @property
     def width_m(self) -> float:
         """How wide it looks from where its shape is seen, none if it was not."""
         widths = [
