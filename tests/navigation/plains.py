@@ -22,11 +22,11 @@ from vrchain.navigation.eyes import Eyes, Look
 from vrchain.navigation.goal import GoalPictures
 from vrchain.navigation.terms import Published, age_of
 from vrchain.panorama import CameraRig
-from vrchain.robot import Drive, Observation
+from vrchain.robot import Drive, Observation, beams_rad
 from vrchain.seeding import generator
 
 RIG = CameraRig()
-BEAMS = 2 * np.pi * np.arange(72) / 72
+BEAMS = beams_rad(72)
 RANGE_MAX_M = 8.0
 CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
 NO_CELLS = np.empty(0, dtype=np.int64)

@@ -106,7 +106,7 @@ def test_what_is_less_likely_is_looked_at_from_fewer_sides(
 
 
 def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> None:
-    """As it was met: a barn that looked like the goal from three sides, surely from the fifth."""
+    """As it was met: a barn was given up half round, and the side in its pictures was beyond."""
     ours, seen = arrival(), suspect(8.0, 0.97)
     middle_xy_m, pilot = np.array([12.0, 0.0]), cast(Any, ours.pilot)
     turns: list[float] = []
@@ -122,7 +122,7 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
 
     pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find))
     assert ours._circle(seen).is_sure(MissionConfig())
-    assert len(turns) >= 4
+    assert len(turns) > 5  # at five sides, and on the way to the last
 
 
 def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() -> None:

@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 from vrchain.geometry import Pose, placed, wrap_angle_rad
 from vrchain.navigation.terms import GaveUp
 from vrchain.navigation.ways import Ways
-from vrchain.robot import steer
+from vrchain.robot import beams_rad, steer
 
-BEAMS = 2 * np.pi * np.arange(72) / 72
+BEAMS = beams_rad(72)
 HERE = Pose(0.0, 0.0)
 
 

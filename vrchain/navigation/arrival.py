@@ -92,7 +92,7 @@ class Arrival:
         chance: of a sight of it; one that is far surer than all before makes it worth another try.
         """
         return any(
-            _is_near(xy_m, place) and chance * (1 - before) <= _SURER * before * (1 - chance)
+            _is_near(xy_m, place) and chance <= _at_odds(before, _SURER)
             for xy_m, before in self._mistaken
         )
 
@@ -133,7 +133,7 @@ class Arrival:
             suspect = self._regarded(replace(suspect, place=side))
             if suspect.is_sure(self.pilot.config):
                 return self._close_in(suspect)
-            chance = _after(chance)
+            chance = _at_odds(chance, _AGAIN)
             if chance < EVEN:
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
@@ -280,7 +280,8 @@ class Arrival:
             shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
             if not SHAPE_M < shown_m < NEAR_M:
                 return suspect  # from so far, or so near to what hides it, it may not be seen
-            return replace(suspect, chance=_after(suspect.chance), against=suspect.against + 1)
+            left = _at_odds(suspect.chance, _AGAIN)
+            return replace(suspect, chance=left, against=suspect.against + 1)
         return self._with_sight(suspect, sight)
 
     def _sides(self, suspect: Suspect, n: int) -> Iterator[Place]:
@@ -380,9 +381,9 @@ def _about(xy_m: Array) -> Place:
     return Place(xy_m, 4.0 * np.eye(2))
 
 
-def _after(chance: float) -> float:
-    """What is left of a chance after one more look in vain."""
-    odds = _AGAIN * chance  # against 1 - chance
+def _at_odds(chance: float, times: float) -> float:
+    """A chance, at so many times its odds."""
+    odds = times * chance  # against 1 - chance
     return odds / (odds + 1 - chance)
 
 
