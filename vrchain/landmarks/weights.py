@@ -15,6 +15,7 @@ from vrchain.errors import LearnedError
 from vrchain.files import write_file
 
 if TYPE_CHECKING:
+    from vrchain.landmarks.exact import ExactNetwork
     from vrchain.landmarks.network import Network
 
 SHIPPED = Path(__file__).with_name("weights_full.pt")
@@ -35,7 +36,7 @@ def save_weights(network: "Network", file: Path) -> None:
     write_file(file, buffer.getvalue())
 
 
-def load_network(file: Path = SHIPPED) -> "Network":
+def load_network(file: Path = SHIPPED) -> "ExactNetwork":
     """The network with its weights, ready to propose.
 
     LearnedError where torch is not installed or the file holds no weights of this network.
@@ -63,7 +64,15 @@ def _digest(file: Path, changed_ns: int, size: int) -> str:
 
 
 @lru_cache(maxsize=2)
-def _load(file: Path, digest: str) -> "Network":
+def _load(file: Path, digest: str) -> "ExactNetwork":
+    network = read_weights(file)
+    from vrchain.landmarks.exact import ExactNetwork
+
+    return ExactNetwork(network)
+
+
+def read_weights(file: Path = SHIPPED) -> "Network":
+    """The network as it was taught. LearnedError as ``load_network``."""
     try:
         import torch
 
@@ -90,4 +99,4 @@ def _load(file: Path, digest: str) -> "Network":
             f"{file} holds no weights of this network ({type(error).__name__}): "
             "make them by `vrchain train`"
         ) from error
-    return network.to(memory_format=torch.channels_last).eval()  # type: ignore[call-overload]
+    return network.eval()
