@@ -74,9 +74,7 @@ def run_retrieval(results: Results, folder: Path) -> str:
     tables = []
     for n in profile.positions:
         with Ledger.open(results.path("update", f"ledger_{n}")) as ledger:
-            table = latency.retrieval_latency(
-                ledger, ROBOTS, profile.retrieval_samples, common_landmark
-            )
+            table = latency.retrieval_latency(ledger, ROBOTS, common_landmark)
         table.insert(0, "ledger_positions", n)
         tables.append(table)
     found = pd.concat(tables)
@@ -86,8 +84,10 @@ def run_retrieval(results: Results, folder: Path) -> str:
         rates = latency.throughput(payloads, Path(scratch) / "ledger", ROBOTS, profile.seed)
     rates.to_csv(folder / "throughput.csv", index=False)
     vision_latency(profile).to_csv(folder / "vision.csv", index=False)
-    means = found.groupby("way").median_us.mean()
-    times = ", ".join(f"{way.replace('_', ' ')} {means[way]:.3g} us" for way in latency.RETRIEVALS)
+    medians = found.groupby("way").time_us.median()
+    times = ", ".join(
+        f"{way.replace('_', ' ')} {medians[way]:.3g} us" for way in latency.RETRIEVALS
+    )
     return f"{times}; {rates.updates_per_s[0]:.0f} updates a second"
 
 
