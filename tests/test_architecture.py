@@ -17,6 +17,7 @@ LEVELS = {
     "geometry": 0,
     "seeding": 0,
     "paths": 0,
+    "extras": 0,
     "files": 0,
     "memory": 0,
     "scene": 1,

@@ -27,6 +27,7 @@ from vrchain.experiments.results import (
     suburb,
 )
 from vrchain.experiments.scenes import suburbs
+from vrchain.extras import require
 from vrchain.files import output_folder
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
@@ -169,6 +170,14 @@ NEEDS = {
 }
 
 
+LIBRARIES = {
+    "landmarks": ("torch",),
+    "mission": ("torch",),
+    "figures": ("torch",),
+    "notebooks": ("torch", "nbconvert", "ipykernel"),
+}
+
+
 def reproduce(
     results: Results,
     names: Sequence[str] = (),
@@ -178,8 +187,8 @@ def reproduce(
     """Run the named stages (all, if none is named) in their order, telling of each in one line.
 
     Results that a stage goes on from are taken as they are; it is told if other code made them.
-    ReproductionError, before anything is run, if there is no such stage or if what a stage needs
-    is neither there nor about to be made.
+    ReproductionError, before anything is run, if there is no such stage, if a library that a stage
+    needs is not installed, or if what it needs is neither there nor about to be made.
     """
     for name in names:
         if name not in stages:
@@ -193,6 +202,8 @@ def reproduce(
             f"{', '.join(chosen)} cannot do without the results of {', '.join(sorted(missing))}: "
             f"run `vrchain reproduce --profile {results.profile.name} --only {' '.join(wanted)}`"
         )
+    for stage in chosen:
+        require(*LIBRARIES.get(stage, ()), what=f"the stage {stage}", error=ReproductionError)
     tell_of_other_code(results, [stage for stage in stages if stage in needed], tell)
     for stage in chosen:
         start = perf_counter()

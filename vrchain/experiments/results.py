@@ -99,11 +99,9 @@ class Results:
     def here(cls, profile: str | None = None) -> "Results":
         """Those of a profile where the environment says they are.
 
-        VRCHAIN_PROFILE names the profile if none is given, for figures' scripts and notebooks;
-        VRCHAIN_BUILD is a folder to use in place of build/.
+        VRCHAIN_PROFILE names the profile if none is given, for figures' scripts and notebooks.
         """
-        name = profile or os.environ.get("VRCHAIN_PROFILE", "quick")
-        return cls(profile_named(name), Path(os.environ.get("VRCHAIN_BUILD", BUILD)))
+        return cls(profile_named(profile or os.environ.get("VRCHAIN_PROFILE", "quick")))
 
     @property
     def folder(self) -> Path:

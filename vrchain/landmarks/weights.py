@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vrchain.errors import LearnedError
+from vrchain.extras import require
 from vrchain.files import write_file
 
 if TYPE_CHECKING:
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 SHIPPED = Path(__file__).with_name("weights_full.pt")
 _FORMAT = 1
 _MAX_BYTES = 20_000_000
-_HOW = "environment.md says, under torch, how to install it"
 
 
 def save_weights(network: "Network", file: Path) -> None:
@@ -73,14 +73,11 @@ def _load(file: Path, digest: str) -> "ExactNetwork":
 
 def read_weights(file: Path = SHIPPED) -> "Network":
     """The network as it was taught. LearnedError as ``load_network``."""
-    try:
-        import torch
+    require("torch", what="the network that proposes landmarks")
+    import torch
 
-        from vrchain.landmarks.network import Network
-    except ImportError as error:
-        raise LearnedError(
-            f"proposals need torch, but {error.name} is not installed: {_HOW}"
-        ) from error
+    from vrchain.landmarks.network import Network
+
     network = Network()
     try:
         stored = torch.load(file, map_location="cpu", weights_only=True)

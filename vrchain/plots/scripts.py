@@ -15,7 +15,7 @@ from tqdm.auto import tqdm
 from vrchain.errors import VRChainError
 from vrchain.experiments.results import ADVERTISED, Results
 from vrchain.memory import keep_freed_memory
-from vrchain.paths import FIGURES
+from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
 
 Draw = Callable[[Results], tuple[Figure, pd.DataFrame]]
@@ -67,9 +67,9 @@ def run_scripts(
 
 
 def run_figures(results: Results, folder: Path) -> str:
-    """The stage ``figures``: all of them, also beside their scripts."""
+    """The stage ``figures``: all of them, in a checkout also beside their scripts."""
     drawn = run_scripts(results, folder)
-    beside = results.profile.name in ADVERTISED
+    beside = results.profile.name in ADVERTISED and not INSTALLED
     if beside:
         for path in sorted(folder.iterdir()):
             shutil.copyfile(path, FIGURES / path.name)
