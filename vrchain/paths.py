@@ -4,9 +4,7 @@ import os
 from pathlib import Path
 
 _PACKAGE = Path(__file__).resolve().parent
-_PACKED = (
-    _PACKAGE / "project"
-)  # scenes/, figures/, notebooks/ as a wheel has them; see pyproject.toml
+_PACKED = _PACKAGE / "project"  # where a wheel has scenes, figures, notebooks: pyproject.toml
 INSTALLED = _PACKED.is_dir()
 ROOT = _PACKAGE.parent  # whence Python imports the package
 _FILES = _PACKED if INSTALLED else ROOT
