@@ -12,7 +12,13 @@ from hypothesis import strategies as st
 from vrchain.errors import ImageError, VRChainError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.proposer import from_answers, nothing
-from vrchain.landmarks.record import LandmarkRecord, decode_record, encode_record, owners
+from vrchain.landmarks.record import (
+    LandmarkRecord,
+    agree,
+    decode_record,
+    encode_record,
+    owners,
+)
 from vrchain.landmarks.sift import Features
 from vrchain.landmarks.spots import descriptors_of, spots_of
 from vrchain.panorama import CameraRig
@@ -65,6 +71,28 @@ def test_last_bits_are_nothing_to_a_record() -> None:
     other = replace(known, proposals=replace(known.proposals, **off), moved=Pose(1 / 3, 0.1, 0.7))
     same = replace(known, moved=Pose(1 / 3 + 1e-12, 0.1, 0.7 - 1e-12))
     assert encode_record(other) == encode_record(same)
+
+
+def test_who_extracts_again_allows_one_step_and_no_more() -> None:
+    known = record()
+    told, step = encode_record(known), 2.0**-15
+    for steps, expected in ((0, True), (1, True), (2, False)):
+        score = known.proposals.score - steps * step
+        bearing = wrap_angle_rad(
+            known.features.bearing_rad + steps * np.pi / 2**15
+        )  # over the seam
+        for again in (
+            replace(known, proposals=replace(known.proposals, score=score)),
+            replace(known, features=replace(known.features, bearing_rad=bearing)),
+        ):
+            assert agree(told, encode_record(again)) == expected
+            assert agree(encode_record(again), told) == expected
+    assert agree(told, encode_record(replace(known, moved=Pose(1, 2, 3))))
+    kinds = replace(known.proposals, kind=(known.proposals.kind + 1) % 5)
+    for other in (replace(known, proposals=kinds), replace(known, maker="cd" * 32), record(5)):
+        assert not agree(told, encode_record(other))
+    with pytest.raises(ImageError):
+        agree(told, told[:-1])
 
 
 def test_lengths_and_products_of_looks_are_exact() -> None:

@@ -66,6 +66,30 @@ def landmarks(
 
 
 @app.command()
+def processors(
+    spec: Spec = SCENES / "suburb.yaml",
+    mission: Annotated[
+        Path, typer.Option(help="A scene with a team.", show_default="scenes/barn.yaml")
+    ] = SCENES / "barn.yaml",
+    pairs: Annotated[int, typer.Option(help="Pairs of panoramas.")] = 2,
+    seed: Seed = 3000,
+    as_json: Json = False,
+) -> None:
+    """Where poorer processors, emulated, first compute something else than this one.
+
+    Stage by stage: bytes, and the share of them that this processor computes too. The mission is
+    driven for a minute.
+    """
+    from vrchain.experiments.processors import compare_processors
+
+    table = compare_processors(spec, mission, pairs, seed=seed)
+    if as_json:
+        print(_json(rows=table))
+        return
+    print(table.round(6).to_string(index=False))
+
+
+@app.command()
 def distinct(
     spec: Spec = SCENES / "suburb.yaml",
     spacing: Annotated[

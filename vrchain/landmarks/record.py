@@ -7,6 +7,7 @@ are gone.
 
 import hashlib
 import json
+import math
 import struct
 import zlib
 from collections.abc import Sequence
@@ -62,9 +63,6 @@ _NUMBERS = {
     "bearing_std_rad": _Fixed("<u2", 2.0**-14),
     "range_std": _Fixed("<u2", 2.0**-11),
 }  # of a proposal
-_PROPOSAL_BYTES = sum(
-    np.dtype(fixed.kind).itemsize * (4 if name == "box" else 1) for name, fixed in _NUMBERS.items()
-)
 _LOOK = _Fixed("<i1", 1 / 127)
 _UNIT = 2.0**10  # embeddings are multiples of 1 / _UNIT, so that products are exact in float32
 
@@ -230,20 +228,81 @@ def _whole(name: str, fixed: _Fixed, numbers: Array) -> NDArray[np.integer]:
 
 def decode_record(blob: bytes) -> LandmarkRecord:
     """The record in some bytes; ImageError if they are not exactly one."""
+    header, rig, moved, part = _read(blob)
+    n = len(part["kind"])
+    numbers = {name: part[name] * fixed.step for name, fixed in _NUMBERS.items()}
+    range_m, kinds, grid = numbers["range_m"], part["kind"].astype(np.int64), part["grid"]
+    if not ((range_m >= 0) & (range_m <= _FARTHEST_M)).all():
+        raise ImageError(f"landmark record: expected ranges up to {_FARTHEST_M:g} m")
+    if (grid[grid < 255] >= n).any() or (kinds >= len(KINDS)).any():
+        raise ImageError("landmark record: expected owners and kinds that are there")
+    cell = np.flatnonzero(grid < 255)
+    proposals = Proposals(
+        **numbers, kind=kinds, embedding=_unit(part["embedding"]), cell=cell,
+        owner=grid[cell].astype(np.int64),
+    )  # fmt: skip
+    features = Features(
+        part["bearing"] * _ANGLE.step, part["slope"] * _SLOPE.step, part["size"] * _SIZE.step,
+        part["descriptors"].astype(np.uint8),
+    )  # fmt: skip
+    spots = part["spots"]
+    if len(described(proposals)) != len(spots):
+        raise ImageError(
+            f"landmark record: {len(spots)} spots described, not {len(described(proposals))}"
+        )
+    return LandmarkRecord(
+        rig, header["maker"], proposals, features, spots_of(proposals, rig, spots), moved
+    )
+
+
+def agree(told: bytes, again: bytes) -> bool:
+    """Whether two records may be of one panorama, extracted by robots with other processors.
+
+    Their numbers may differ by one step, at the edge where they are rounded; how the robot moved is
+    not asked. ImageError if one is no record.
+    """
+    (header, *_, part), (other_header, *_, other) = _read(told), _read(again)
+    headers = [{k: v for k, v in h.items() if k != "moved"} for h in (header, other_header)]
+    if headers[0] != headers[1]:
+        return False
+    for name, mine in part.items():
+        bits = np.dtype(f"u{mine.dtype.itemsize}")
+        apart = mine.view(bits) - other[name].view(bits)  # goes round, as a bearing does
+        steps = 0 if name in ("kind", "grid") else 1
+        if not (apart + bits.type(steps) <= 2 * steps).all():
+            return False
+    return True
+
+
+def _read(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDArray]]:
+    """Header, rig, how the robot moved, and all else as whole numbers."""
     start = len(_MAGIC) + 4
     if not blob.startswith(_MAGIC) or len(blob) < start:
         raise ImageError("expected a landmark record, got other bytes")
     end = start + struct.unpack(">I", blob[len(_MAGIC) : start])[0]
     try:
         header = json.loads(blob[start:end])
-        rig, maker = CameraRig(**header["rig"]), str(header["maker"])
+        rig, header["maker"] = CameraRig(**header["rig"]), str(header["maker"])
         n, d, k = (int(header[key]) for key in ("proposals", "embedded", "keypoints"))
         s, local = (int(x) for x in header["spots"])
         moved = _moved(header["moved"]) if "moved" in header else None
         cells = ROWS // CELL_PX * (columns_of(rig) // CELL_PX)
-        size = n * _PROPOSAL_BYTES + n + n * d + cells + k * (2 + 2 + 2 + 128) + s * local
-        if min(n, k, s) < 0 or n > 254 or size > _MAX_BYTES or not 0 < min(d, local) <= 1024:
+        if min(n, k, s) < 0 or n > 254 or not 0 < min(d, local) <= 1024:
             raise ValueError(f"{n} proposals of {d} numbers, {k} keypoints, {s} spots of {local}")
+        layout: dict[str, tuple[str, tuple[int, ...]]] = {
+            **{m: (f.kind, (n, 4) if m == "box" else (n,)) for m, f in _NUMBERS.items()},
+            "kind": ("<u1", (n,)),
+            "embedding": (_LOOK.kind, (n, d)),
+            "grid": ("<u1", (cells,)),
+            "bearing": (_ANGLE.kind, (k,)),
+            "slope": (_SLOPE.kind, (k,)),
+            "size": (_SIZE.kind, (k,)),
+            "descriptors": ("<u1", (k, 128)),
+            "spots": ("<i1", (s, local)),
+        }
+        size = sum(np.dtype(kind).itemsize * math.prod(shape) for kind, shape in layout.values())
+        if size > _MAX_BYTES:
+            raise ValueError(f"{size} bytes, at most {_MAX_BYTES} are read")
         unpacker = zlib.decompressobj()
         body = unpacker.decompress(blob[end:], size + 1)
         if len(body) != size or not unpacker.eof or unpacker.unused_data:
@@ -251,39 +310,11 @@ def decode_record(blob: bytes) -> LandmarkRecord:
     except (ValueError, KeyError, TypeError, OverflowError, SpecError, RecursionError,
             zlib.error) as error:  # fmt: skip
         raise ImageError(f"landmark record: unreadable ({error})") from error
-    place = 0
-
-    def read(kind: str, *shape: int) -> NDArray:
-        nonlocal place
-        count = int(np.prod(shape))
-        found = np.frombuffer(body, kind, count, place).reshape(shape)
-        place += found.nbytes
-        return found
-
-    numbers = {
-        name: read(fixed.kind, *((n, 4) if name == "box" else (n,))) * fixed.step
-        for name, fixed in _NUMBERS.items()
-    }
-    kinds, embedding = read("<u1", n).astype(np.int64), read(_LOOK.kind, n, d)
-    grid = read("<u1", cells)
-    bearing_rad, slope, size_rad = (
-        read(fixed.kind, k) * fixed.step for fixed in (_ANGLE, _SLOPE, _SIZE)
-    )
-    descriptors, spots = read("<u1", k, 128), read("<i1", s, local)
-    range_m = numbers["range_m"]
-    if not ((range_m >= 0) & (range_m <= _FARTHEST_M)).all():
-        raise ImageError(f"landmark record: expected ranges up to {_FARTHEST_M:g} m")
-    if (grid[grid < 255] >= n).any() or (kinds >= len(KINDS)).any():
-        raise ImageError("landmark record: expected owners and kinds that are there")
-    cell = np.flatnonzero(grid < 255)
-    proposals = Proposals(
-        **numbers, kind=kinds, embedding=_unit(embedding), cell=cell,
-        owner=grid[cell].astype(np.int64),
-    )  # fmt: skip
-    features = Features(bearing_rad, slope, size_rad, descriptors.astype(np.uint8))
-    if len(described(proposals)) != s:
-        raise ImageError(f"landmark record: {s} spots described, not {len(described(proposals))}")
-    return LandmarkRecord(rig, maker, proposals, features, spots_of(proposals, rig, spots), moved)
+    part, place = {}, 0
+    for name, (kind, shape) in layout.items():
+        part[name] = np.frombuffer(body, kind, math.prod(shape), place).reshape(shape)
+        place += part[name].nbytes
+    return header, rig, moved, part
 
 
 def _settled_pose(pose: Pose) -> Pose:
