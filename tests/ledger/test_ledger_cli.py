@@ -239,6 +239,8 @@ def test_one_robot_cannot_write_with_anothers_key() -> None:
         (["verify", "L", "--expected-head", "00" * 32], errors.DamagedError),
         (["export", "L", "-o", "L/out"], errors.RecordError),
         (["export", "L", "-o", "config"], OutputError),
+        (["export", "missing", "-o", "config"], OutputError),  # told before anything is read
+        (["export", "missing", "--pictures", "payload"], OutputError),
         (["export", "missing", "-o", "out"], errors.NotALedgerError),
         (["export", "L"], errors.RecordError),
         (["export", "L", "--pictures", "L/shown"], errors.RecordError),

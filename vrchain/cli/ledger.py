@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import typer
 
 from vrchain.errors import ImageError
-from vrchain.files import output_folder, write_file
+from vrchain.files import check_output_file, check_output_folder, output_folder, write_file
 from vrchain.ledger import (
     Ledger,
     PublicKey,
@@ -36,6 +36,7 @@ from vrchain.ledger.errors import (
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.membership import OPERATOR, check_member_name
 
+_PICTURES = "pictures.json"  # the table beside exported pictures
 _NEWEST = "transaction {sequence}, {reason}, {timestamp_ns} ns, {id}"
 
 app = typer.Typer(no_args_is_help=True, help="Make, fill, look at and check a ledger.")
@@ -254,6 +255,10 @@ def export(
     """Write every block with its records as one line of JSON, or the panoramas as pictures."""
     if output is None and pictures is None:
         raise RecordError("expected -o FILE or --pictures FOLDER, got neither")
+    if output:
+        check_output_file(output)
+    if pictures:
+        check_output_folder(pictures, _PICTURES)
     for target in (output, pictures):
         if target and target.resolve().is_relative_to(ledger.resolve()):
             raise RecordError(f"expected to write outside the ledger, got {target}")
@@ -281,7 +286,7 @@ def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
     from vrchain.panorama import Panorama, encode_png
 
     counts = {"written": 0, "others": 0, "dropped": 0}
-    with output_folder(folder, "pictures.json") as scratch:
+    with output_folder(folder, _PICTURES) as scratch:
         rows = []
         for entry in ledger.entries():
             for record in entry.records:
@@ -298,7 +303,7 @@ def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
                     (scratch / name).write_bytes(encode_png(panorama.cylinder))
                     rows.append({"file": name, **record_json(record)})
                     counts["written"] += 1
-        (scratch / "pictures.json").write_text(json.dumps(rows, indent=1) + "\n")
+        (scratch / _PICTURES).write_text(json.dumps(rows, indent=1) + "\n")
     return counts["written"], counts["others"], counts["dropped"]
 
 
