@@ -48,14 +48,14 @@ class Place:
         self._known = self._look()
 
     def settle(self) -> None:
-        """SQLite has made its working files now: hold to them too. ReplacedError, StorageError."""
+        """SQLite has made its working files now: hold to them too. ReplacedError."""
         before, self._known = self._known, self._look()
-        if before[:2] != self._known[:2] or None in self._known:
+        if before[:2] != self._known[:2]:
             raise self._replaced()
 
     def check(self) -> None:
-        """Raise ReplacedError unless all are what they were."""
-        if self._look() != self._known:
+        """Raise ReplacedError unless all are there and what they were."""
+        if self._look() != self._known or None in self._known:
             raise self._replaced()
 
     def _look(self) -> list[tuple[int, int] | None]:
