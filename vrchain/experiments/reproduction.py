@@ -8,6 +8,7 @@ import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -27,6 +28,7 @@ from vrchain.experiments.results import (
     suburb,
 )
 from vrchain.experiments.scenes import suburbs
+from vrchain.experiments.workers import each
 from vrchain.files import output_folder
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
@@ -36,6 +38,7 @@ from vrchain.navigation.terms import MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.render import Renderer
 from vrchain.scene import load_spec
+from vrchain.truth import GroundTruth
 
 _TEAM_M = (2.0, 20.0)  # between R1 and R2, for a common landmark to be sought
 
@@ -95,17 +98,17 @@ def run_landmarks(results: Results, folder: Path) -> str:
     """How good common landmarks are: between R1's and R2's panoramas; over distance, by variant."""
     profile = results.profile
     surveyed, payloads = _surveyed(results)
-    summaries = []
+    truth, summaries = GroundTruth(suburb()), []
     for n in profile.positions:
         looks = _looks(_team_pairs(surveyed[:n], profile.survey_pairs), surveyed, payloads)
-        claims = landmarks.claims_of(looks, suburb(), profile.rig)
+        claims = landmarks.claims_of(looks, truth, profile.rig)
         claims.to_csv(folder / f"survey_{n}.csv", index=False)
         summaries.append({"positions": n, **landmarks.summarise(claims)})
     pd.DataFrame(summaries).to_csv(folder / "survey_summary.csv", index=False)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         claims, pairs = landmark_bands.over_distance(
             suburbs(load_spec(SCENE)), profile.pairs_a_band, profile.bands_m,
-            seed=profile.seed, folder=Path(scratch), rig=profile.fine_rig,
+            seed=profile.seed, folder=Path(scratch), rig=profile.fine_rig, jobs=None,
         )  # fmt: skip
     found = landmark_bands.by_band(claims, pairs)
     tables = {"pairs": claims, "pairs_drawn": pairs, "pairs_summary": found}
@@ -123,34 +126,46 @@ def _listed(shares: pd.Series) -> str:
     return " ".join("-" if np.isnan(share) else f"{share:.2f}" for share in shares)
 
 
+def _no_pictures(run: mission.MissionRun, folder: Path) -> None:
+    pass
+
+
 def run_mission(
     results: Results,
     folder: Path,
-    draw: Callable[[mission.MissionRun, Path], object] = lambda run, folder: None,
+    draw: Callable[[mission.MissionRun, Path], object] = _no_pictures,
 ) -> str:
     """Some missions; ``draw`` may add pictures of each to its folder.
 
     All outcomes are in missions.csv. Pictures elsewhere show the first that truly arrived, of those
     the first that drove a chain, if one did.
     """
-    profile, runs = results.profile, []
-    config = MissionConfig(limit_s=profile.mission_s)
-    for seed in range(profile.seed, profile.seed + profile.missions):
-        own = folder / f"seed_{seed}"
-        own.mkdir()
-        run = mission.run(
-            suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config
-        )
-        mission.save_log(run, own)
-        draw(run, own)
-        runs.append(run)
+    profile = results.profile
+    seeds = range(profile.seed, profile.seed + profile.missions)
+    runs = each(partial(_mission, profile, folder, draw), seeds, None, "missions")
     outcomes = pd.DataFrame([{"seed": profile.seed + k, **r.summary()} for k, r in enumerate(runs)])
     outcomes.to_csv(folder / "missions.csv", index=False)
     shown = max(runs, key=lambda r: (r.success, bool(r.result.plans)))  # the first of equals
     with open(folder / "run.pickle", "wb") as file:
-        pickle.dump(replace(shown, scene=None), file)  # type: ignore[arg-type]
+        pickle.dump(shown, file)
     false = int((outcomes.arrived & ~outcomes.success).sum())
     return f"{outcomes.success.sum()} of {len(runs)} arrived, {false} false arrivals"
+
+
+def _mission(
+    profile: Profile,
+    folder: Path,
+    draw: Callable[[mission.MissionRun, Path], object],
+    seed: int,
+) -> mission.MissionRun:
+    """One mission in a folder of its own; the scene, which is large, is left out."""
+    own = folder / f"seed_{seed}"
+    own.mkdir()
+    config = MissionConfig(limit_s=profile.mission_s)
+    run = mission.run(suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config)
+    mission.save_log(run, own)
+    draw(run, own)
+    return replace(run, scene=None)  # type: ignore[arg-type]
 
 
 STAGES: dict[str, Stage] = {
