@@ -49,7 +49,7 @@ test: lint
 test-all: lint
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal --hypothesis-profile=full
 
-# PROCESSORS: some of those of tools/processors.py; TESTS: files, in place of all of recognition's.
+# PROCESSORS: some of this, AVX2 and SSE4; TESTS: files, in place of all of recognition's.
 test-processors: setup
 	WORKERS=$(WORKERS) $(BIN)/python tools/processors.py $(PROCESSORS) -- $(TESTS)
 

@@ -4,8 +4,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
+from vrchain.experiments.published_drives import by_team, one_drive
 from vrchain.experiments.results import Results
-from vrchain.plots.planning import planning_figure
+from vrchain.plots.planning import TEAMS_SHOWN, planning_figure
 from vrchain.plots.scripts import run_script
 
 
@@ -13,8 +14,10 @@ def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
     """Drives on random graphs, more of them for a larger profile."""
     seed = results.profile.seed
     worlds = {"smoke": 2, "paper": 40}.get(results.profile.name, 10)
-    table = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
-    return planning_figure(table), table
+    again = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
+    once = one_drive(worlds, TASKS_A_WORLD, seed=seed, teams=TEAMS_SHOWN)
+    teams = by_team(once, seed=seed)
+    return planning_figure(again, teams), pd.concat([again, teams])
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Retrieval three ways over the number of positions, beside the paper's value."""
+"""Retrieval three ways: each over its position, and the means, beside the paper's."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -9,7 +9,7 @@ from vrchain.plots.scripts import run_script
 
 
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
-    """The mean of both robots for each way and number of positions."""
+    """One row a retrieval, for each way and number of positions."""
     retrievals = results.retrievals()
     return retrieval_time_figure(retrievals, results.note()), pd.concat(retrievals.values())
 

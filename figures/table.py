@@ -1,4 +1,4 @@
-"""The paper's table: update, retrieval, landmark quality, measured here and as printed there."""
+"""The paper's table and bounds: update, retrieval, landmark quality, ours beside its own."""
 
 import pandas as pd
 from matplotlib.figure import Figure
@@ -9,10 +9,11 @@ from vrchain.plots.scripts import run_script
 
 
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
-    """The table as a picture and as numbers."""
-    summary = results.summary()
+    """Table and bounds as a picture; the rows of both as numbers, the table's first."""
+    summary, bounds = results.summary(), results.bounds()
     note = f"{TABLE_NOTE}\n{results.note()}"
-    return table_figure(summary, results.qualities(), note), summary
+    figure = table_figure(summary, bounds, results.qualities(), note)
+    return figure, pd.concat([summary, bounds])
 
 
 if __name__ == "__main__":

@@ -2,6 +2,8 @@ import contextlib
 import errno
 import os
 import shutil
+import socket
+import stat
 import subprocess
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,6 +14,7 @@ from vrchain import files
 from vrchain.errors import OutputError
 from vrchain.files import (
     _digest_of,
+    check_output_file,
     check_output_folder,
     code_digest,
     name_of,
@@ -111,7 +114,7 @@ def test_a_folder_can_be_checked_before_the_work(tmp_path: Path) -> None:
     (tmp_path / "x").write_text("mine")
     with pytest.raises(OutputError, match="nothing of yours is lost"):
         check_output_folder(tmp_path, MARKER)
-    with pytest.raises(OutputError, match="is a file"):
+    with pytest.raises(OutputError, match="is none"):
         check_output_folder(tmp_path / "x", MARKER)
     (tmp_path / MARKER).write_text("")
     check_output_folder(tmp_path, MARKER)
@@ -121,6 +124,7 @@ def test_a_folder_can_be_checked_before_the_work(tmp_path: Path) -> None:
 def test_a_name_that_no_file_can_have_is_one_error(name: str, tmp_path: Path) -> None:
     for attempt in (
         lambda: check_output_folder(tmp_path / name, MARKER),
+        lambda: check_output_file(tmp_path / name),
         lambda: result(tmp_path / name),
         lambda: write_file(tmp_path / name, b"x"),
     ):
@@ -233,10 +237,72 @@ def test_a_file_where_a_folder_should_be_is_said_plainly(tmp_path: Path) -> None
     (tmp_path / "file").write_text("mine")
     (tmp_path / "folder").mkdir()
     for path in (tmp_path / "file" / "below.txt", tmp_path / "folder"):
-        with pytest.raises(OutputError, match=str(path)):
-            write_file(path, b"new")
+        for attempt in (check_output_file, lambda path: write_file(path, b"new")):
+            with pytest.raises(OutputError, match=str(path)):
+                attempt(path)
     assert tree(tmp_path) == {"file": b"mine"}
     assert sorted(os.listdir(tmp_path)) == ["file", "folder"]
+
+
+def make_special(kind: str, path: Path) -> None:
+    """Something at ``path`` that is neither a plain file nor a folder."""
+    if kind == "pipe":
+        os.mkfifo(path)
+    elif kind == "socket":
+        with socket.socket(socket.AF_UNIX) as listening, contextlib.chdir(path.parent):
+            listening.bind(path.name)  # a short name, as sockets need
+    elif kind == "device":
+        try:
+            os.mknod(path, stat.S_IFCHR | 0o600, os.makedev(1, 3))  # as /dev/null
+        except PermissionError:
+            pytest.skip("making a device needs root")
+    else:
+        path.symlink_to({"link": "mine", "link to nothing": "gone", "link to itself": path}[kind])
+
+
+@pytest.mark.parametrize(
+    "kind", ["pipe", "socket", "device", "link", "link to nothing", "link to itself"]
+)
+def test_only_a_plain_file_is_replaced(kind: str, tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    path = tmp_path / "file.txt"
+    make_special(kind, path)
+    was = path.lstat()
+    attempts = [
+        lambda: check_output_file(path),
+        lambda: write_file(path, b"new"),
+    ]
+    if kind != "link to nothing":  # behind that a new folder can be made
+        attempts += [lambda: check_output_folder(path, MARKER), lambda: result(path)]
+    for attempt in attempts:
+        with pytest.raises(OutputError, match=str(path)):
+            attempt()
+    assert path.lstat() == was and (tmp_path / "mine").read_text() == "mine"
+    assert sorted(os.listdir(tmp_path)) == ["file.txt", "mine"]
+
+
+def test_where_nothing_can_be_made_is_told_before_the_work(tmp_path: Path) -> None:
+    check_output_file(tmp_path / "new" / "file.txt")
+    check_output_file(tmp_path / ("n" * 255))
+    write_file(tmp_path / ("n" * 255), b"new")
+    assert os.listdir(tmp_path) == ["n" * 255]
+    (tmp_path / "gone").symlink_to("nowhere")
+    for folder in (Path("/proc"), Path("/proc/new"), tmp_path / "gone"):
+        with pytest.raises(OutputError, match="cannot write"):
+            check_output_file(folder / "file.txt")
+    for folder in (Path("/proc/new"), Path("/")):
+        with pytest.raises(OutputError):
+            check_output_folder(folder, MARKER)
+
+
+def test_a_planted_link_is_not_written_through(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "mine").write_text("mine")
+    monkeypatch.setattr(files.os, "getpid", lambda: 7)
+    (tmp_path / f".{name_of('file.txt')}-7").symlink_to("mine")
+    write_file(tmp_path / "file.txt", b"new")
+    assert tree(tmp_path) == {"file.txt": b"new", "mine": b"mine"}
 
 
 # --- a disk that is really full ---
@@ -264,6 +330,8 @@ def test_a_full_disk_leaves_the_earlier_result(tmp_path: Path) -> None:
         result(disk / "result", "old")
         write_file(disk / "file", b"old")
         was = tree(disk)
+        with pytest.raises(OutputError, match="whole disk"):
+            check_output_folder(disk, MARKER)
         with (
             pytest.raises(OutputError, match="No space left"),
             output_folder(disk / "result", MARKER) as scratch,
@@ -279,6 +347,7 @@ def test_a_full_disk_leaves_the_earlier_result(tmp_path: Path) -> None:
 def test_nothing_of_the_module_is_left_untested() -> None:
     public = {n for n, f in vars(files).items() if callable(f) and f.__module__ == files.__name__}
     assert {n for n in public if not n.startswith("_")} == {
+        "check_output_file",
         "check_output_folder",
         "code_digest",
         "name_of",

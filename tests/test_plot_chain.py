@@ -10,6 +10,7 @@ from matplotlib.patches import Ellipse
 from test_plots import strays, words
 from worlds import blotches, box, world
 
+from vrchain.errors import MissionError
 from vrchain.experiments.sightings import Sightings
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import CommonLandmark, Region
@@ -43,6 +44,15 @@ def test_a_chain_joins_neighbours_by_what_they_share() -> None:
     assert chain_of(list(ROBOTS), SEEN, "cart") == CHAIN[:-1]  # R3 does not see it
     cut = Sightings(SEEN.visible, {("R1", "R2"): ("oak",)})
     assert chain_of(list(ROBOTS), cut, "barn") == ["R1", "oak", "R2"]
+
+
+def test_without_a_chain_one_line_says_so(farm: Scene) -> None:
+    for robots in ([], ["R1", "R9"]):
+        with pytest.raises(MissionError, match="expected one or more robots of R1, R2, R3, got"):
+            chain_of(robots, SEEN, "barn")
+    for draw in (lambda: chain_map(farm, ROBOTS, SEEN, []), lambda: team_graph(["R1"], SEEN, [])):
+        with pytest.raises(MissionError, match="expected a chain"):
+            draw()
 
 
 def test_the_map_draws_each_sight_once_and_the_chain_heavier(farm: Scene) -> None:

@@ -12,7 +12,8 @@ from matplotlib.text import Text
 from worlds import RED, SMALL_RIG, box, plain, world, yard
 
 from vrchain.experiments.bloat import COLUMNS, TEAM
-from vrchain.experiments.latency import PAPER, RETRIEVALS, STAGES, summary_table
+from vrchain.experiments.latency import STAGES
+from vrchain.experiments.paper import bounds_table, summary_table
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import CommonLandmark, Region
 from vrchain.ledger import Entry, Ledger, simulated_key
@@ -79,10 +80,11 @@ def updates(sizes: tuple[int, ...] = SIZES) -> dict[int, pd.DataFrame]:
 
 def retrievals() -> dict[int, pd.DataFrame]:
     times_us = {"newest_transaction": 0.07, "panorama": 90.0, "common_landmark": 2e5}
-    rows = [
-        {"way": w, "robot": r, "mean_us": times_us[w]} for r in ("R1", "R2") for w in RETRIEVALS
-    ]
-    return {n: pd.DataFrame(rows) for n in SIZES}
+    tables = {}
+    for n in SIZES:
+        rows = [(way, k, us) for way, us in times_us.items() for k in range(1, n + 1)]
+        tables[n] = pd.DataFrame(rows, columns=["way", "position", "time_us"])
+    return tables
 
 
 def entries(folder: Path) -> list[Entry]:
@@ -163,29 +165,43 @@ def test_sizes_that_were_computed_are_hollow() -> None:
     assert {"10 GB", "2 GB"} & set(words(figure)) and "a note" in words(figure)
 
 
-def test_retrieval_stands_beside_both_readings_of_the_paper() -> None:
+def test_each_retrieval_is_a_point_beside_both_readings_of_the_paper() -> None:
     figure = retrieval_time_figure(retrievals(), "a note")
     assert strays(figure) == []
-    assert {"paper as printed, ms: 17.9 ns", "paper read as s: 17.9 µs"} <= set(words(figure))
+    *panels, means = figure.axes
+    for axes, n in zip(panels, SIZES, strict=True):
+        assert axes.get_title().startswith(f"{n} positions")
+        points = [(list(line.get_xdata()), set(line.get_ydata())) for line in axes.lines]
+        assert points == [(list(range(1, n + 1)), {us}) for us in (0.07, 90.0, 2e5)]
+        heights_us = [patch.get_y() + patch.get_height() for patch in axes.patches]
+        assert heights_us == pytest.approx([0.055, 55.0])
+    said = " ".join(words(figure)).replace("\n", " ")
+    assert "paper, as printed, ms: means 17.9 ns to 19.9 ns, all under 55 ns, most under 30" in said
+    assert "paper, read as s: means 17.9 µs to 19.9 µs, all under 55 µs, most under 30" in said
     assert words(figure).count("70 ns") == words(figure).count("200 ms") == len(SIZES)
-    assert figure.axes[0].get_yscale() == "log"
+    assert means.get_yscale() == "log" and "a note" in said
 
 
 def test_the_table_has_every_value_and_claims_no_reading() -> None:
     summary = summary_table(updates(), retrievals(), {40: 0.021, 200: float("nan"), 500: 1.5})
     pairs = pd.DataFrame({"positions": SIZES, "n_claims": [7, 0, 9], "n_pairs": [12, 3, 12]})
-    figure = table_figure(summary, pairs, TABLE_NOTE)
+    figure = table_figure(summary, bounds_table(updates(), retrievals()), pairs, TABLE_NOTE)
     assert strays(figure) == []
-    (table,) = figure.findobj(Table)
+    table, bounds = figure.findobj(Table)
     cells = {at: cell.get_text().get_text() for at, cell in table.get_celld().items()}
-    assert [cells[row, 1] for row in (1, 2, 3)] == ["40", "200", "500"]
-    assert cells[1, 6] == "0.02 (7 claims, 12 pairs)" and cells[2, 6] == "0 claims, 3 pairs"
-    assert cells[4, 2] == "0.00083" and cells[5, 2] == "0.83"
-    assert cells[4, 4].startswith("0.0000179, which way") and cells[5, 4].startswith("0.0179,")
-    assert cells[4, 6] == f"{PAPER.landmark_quality_printed[0]}-3.41, unit not known"
-    assert cells[4, 1] == "not known"
-    assert "neither is claimed" in TABLE_NOTE
-    for cell in table.get_celld().values():
+    assert [cells[row, 0] for row in range(1, 10)] == [str(n) for n in SIZES for _ in range(3)]
+    assert cells[1, 6] == "0.02 (7 claims, 12 pairs)" and cells[4, 6] == "0 claims, 3 pairs"
+    assert cells[2, 2] == "0.00082998" and cells[3, 2] == "0.82998"
+    assert cells[5, 4].startswith("0.0000199, which way") and cells[6, 4].startswith("0.0199,")
+    assert [cells[row, 6] for row in (3, 6, 9)] == [
+        f"{q}, unit not known" for q in (3.41, 3.35, "3.40")
+    ]
+    cells = {at: cell.get_text().get_text() for at, cell in bounds.get_celld().items()}
+    assert [cells[1, column] for column in (0, 1, 5)] == ["update", "40", "all under 0.0016"]
+    assert [cells[4, column] for column in (2, 4, 6, 7)] == ["0.00007", "0.00007", "0 %", "100 %"]
+    assert [cells[9, column] for column in (5, 6, 7)] == ["most under 0.00003", "0 %", "0 %"]
+    assert "neither is claimed" in TABLE_NOTE.replace("\n", " ")
+    for cell in [*table.get_celld().values(), *bounds.get_celld().values()]:
         extent = cell.get_text().get_window_extent()
         assert extent.width <= cell.get_window_extent().width + 1, cell.get_text().get_text()
 

@@ -10,7 +10,9 @@ import pytest
 from worlds import ROOT
 
 sys.path.insert(0, str(ROOT / "tools"))
-from processors import PROCESSORS, RECOGNITION, main
+from processors import RECOGNITION, main
+
+from vrchain.experiments.processors import PROCESSORS
 
 pytest.importorskip("torch", reason="it is asked for its processor's name (extra `learned`)")
 
@@ -35,9 +37,9 @@ print(json.dumps({
 @pytest.mark.parametrize(
     ("name", "least"),
     [
-        ("avx2", {"numpy": ["X86_V3"], "blas": "Haswell", "ipp": "AVX2", "torch": "AVX2",
+        ("AVX2", {"numpy": ["X86_V3"], "blas": "Haswell", "ipp": "AVX2", "torch": "AVX2",
                   "opencv": ["*SSE4.1", "*SSE4.2", "*AVX", "*FP16", "*AVX2"]}),
-        ("sse4", {"numpy": [], "blas": "Nehalem", "opencv": [], "ipp": "SSE4.2",
+        ("SSE4", {"numpy": [], "blas": "Nehalem", "opencv": [], "ipp": "SSE4.2",
                   "torch": "DEFAULT"}),
     ],
 )  # fmt: skip
@@ -52,5 +54,5 @@ def test_libraries_take_a_processor_for_another(name: str, least: dict[str, obje
 
 def test_what_is_run_is_there_and_an_unknown_processor_is_named() -> None:
     assert all((ROOT / path).exists() for path in RECOGNITION)
-    with pytest.raises(SystemExit, match="expected processors of own, avx2, sse4, got z80"):
-        main(["own", "z80"])
+    with pytest.raises(SystemExit, match="expected processors of this, AVX2, SSE4, got z80"):
+        main(["this", "z80"])

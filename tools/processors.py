@@ -1,13 +1,16 @@
 """Run the tests that rest on recognition as other processors would: tools/processors.py [NAME ...].
 
-Their libraries add and round in other orders, so that what stands on a knife's edge falls to the
-other side. After -- tests may be named, in place of them all. WORKERS: as for make.
+Processors are those of ``vrchain bench processors``. Their libraries add and round in other
+orders, so that what stands on a knife's edge falls to the other side. After -- tests may be named,
+in place of them all. WORKERS: as for make.
 """
 
 import os
 import subprocess
 import sys
 from pathlib import Path
+
+from vrchain.experiments.processors import PROCESSORS
 
 ROOT = Path(__file__).resolve().parents[1]
 RECOGNITION = [
@@ -22,36 +25,6 @@ RECOGNITION = [
         )
     ),
 ]  # fmt: skip
-
-# Environments, which make a processor seem to have less than it has; no more than that. NumPy,
-# OpenBLAS, OpenCV with its IPP, the C library's mathematics, torch with oneDNN, and llvmpipe.
-PROCESSORS: dict[str, dict[str, str]] = {
-    # the one that there is
-    "own": {},
-    # Intel since Haswell (2013), AMD EPYC before Zen 4: no AVX-512, no bfloat16
-    "avx2": {
-        "ATEN_CPU_CAPABILITY": "avx2",
-        "LP_NATIVE_VECTOR_WIDTH": "256",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
-        "ONEDNN_MAX_CPU_ISA": "AVX2",
-        "OPENBLAS_CORETYPE": "Haswell",
-        "OPENCV_CPU_DISABLE": "AVX512-SKX",
-        "OPENCV_IPP": "avx2",
-        "VRCHAIN_BFLOAT16": "0",
-    },
-    # Intel Nehalem (2008), the least that NumPy runs on: no AVX, no fused multiply-add either
-    "sse4": {
-        "ATEN_CPU_CAPABILITY": "default",
-        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
-        "LP_NATIVE_VECTOR_WIDTH": "128",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
-        "ONEDNN_MAX_CPU_ISA": "SSE41",
-        "OPENBLAS_CORETYPE": "Nehalem",
-        "OPENCV_CPU_DISABLE": "SSE4.1,SSE4.2,AVX,FP16,AVX2,AVX512-SKX",
-        "OPENCV_IPP": "sse42",
-        "VRCHAIN_BFLOAT16": "0",
-    },
-}
 
 
 def main(arguments: list[str]) -> None:

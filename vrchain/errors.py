@@ -1,8 +1,16 @@
 """The errors a caller may see; each says what was expected, what came, and how to mend it."""
 
 
+def printable(text: str) -> str:
+    """The text with all that shows as nothing, moves the cursor or turns the line spelt out."""
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 class VRChainError(Exception):
-    """Base of every error that this library raises on purpose."""
+    """Base of every error that this library raises on purpose. It reads as one line."""
+
+    def __str__(self) -> str:
+        return printable(" ".join(super().__str__().splitlines()))
 
 
 class SpecError(VRChainError):

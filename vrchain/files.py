@@ -6,6 +6,7 @@ import hashlib
 import json
 import os
 import shutil
+import stat
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -35,18 +36,37 @@ def _digest_of(package: Path) -> str:
     return told.hexdigest()
 
 
-def check_output_folder(folder: Path, marker: str) -> None:
-    """Raise OutputError unless ``folder`` is new, empty or an earlier result (has ``marker``)."""
-    with _said_plainly(folder):
-        if folder.exists() and not folder.is_dir():
-            raise OutputError(
-                f"expected a folder to write to, but {folder} is a file: choose another -o"
-            )
-        if folder.is_dir() and any(folder.iterdir()) and not (folder / marker).is_file():
-            raise OutputError(
-                f"{folder} is not empty and holds no {marker} of an earlier run: "
-                "choose a new or an empty folder, so that nothing of yours is lost"
-            )
+def check_output_file(path: str | Path) -> None:
+    """Raise OutputError unless ``write_file`` can write ``path``: ask before the work begins.
+
+    What is there has to be a plain file: no link, device or folder is ever replaced.
+    """
+    target = Path(path).absolute()
+    with _said_plainly(target):
+        _check_plain(target)
+        _check_room(target.parent)
+
+
+def check_output_folder(folder: str | Path, marker: str) -> None:
+    """Raise OutputError unless ``output_folder`` can write ``folder``: ask before the work begins.
+
+    It has to be new, empty or an earlier result (has ``marker``); a link to such a one will do.
+    """
+    target = Path(os.path.realpath(folder))
+    with _said_plainly(target):
+        if _exists(target):
+            if not target.is_dir():
+                raise OutputError(
+                    f"expected a folder to write to, but {folder} is none: choose another -o"
+                )
+            if os.path.ismount(target):
+                raise OutputError(f"{folder} is a whole disk: choose a folder on it")
+            if any(target.iterdir()) and not (target / marker).is_file():
+                raise OutputError(
+                    f"{folder} is not empty and holds no {marker} of an earlier run: "
+                    "choose a new or an empty folder, so that nothing of yours is lost"
+                )
+        _check_room(target.parent)
 
 
 @contextlib.contextmanager
@@ -56,11 +76,11 @@ def output_folder(folder: str | Path, marker: str) -> Iterator[Path]:
     An earlier result (a folder that holds the file ``marker``) is replaced; any other folder that
     is not empty is refused. On an error, Ctrl-C included, nothing new remains.
     """
-    check_output_folder(Path(folder), marker)
+    check_output_folder(folder, marker)
     target = Path(folder).resolve()  # a link is followed: what it points to is replaced
     with _said_plainly(target):
         target.parent.mkdir(parents=True, exist_ok=True)
-        scratch = Path(tempfile.mkdtemp(prefix=f".{target.name}-", dir=target.parent))
+        scratch = Path(tempfile.mkdtemp(prefix=".vrchain-", dir=target.parent))
     try:
         with _said_plainly(target):
             yield scratch
@@ -86,17 +106,46 @@ def _put_in_place(scratch: Path, target: Path) -> None:
 
 
 def write_file(path: str | Path, content: bytes) -> None:
-    """Write a whole file by way of a temporary name: it is there complete or not at all."""
+    """Write a whole file by way of a temporary name: it is there complete or not at all.
+
+    Raises OutputError as ``check_output_file``, and when the disk is full.
+    """
     target = Path(path).absolute()
-    scratch = target.with_name(f".{target.name}-{os.getpid()}")
+    scratch = target.with_name(f".{name_of(target.name)}-{os.getpid()}")
     try:
         with _said_plainly(target):
+            _check_plain(target)
             target.parent.mkdir(parents=True, exist_ok=True)
+            scratch.unlink(missing_ok=True)  # it may be anything, a link too
             scratch.write_bytes(content)
             scratch.replace(target)
     finally:
         with contextlib.suppress(OSError):  # its folder may not even be one
             scratch.unlink(missing_ok=True)
+
+
+def _exists(path: Path) -> bool:
+    """Whether anything has this name, a link to nothing too. OSError for what is no name."""
+    try:
+        path.lstat()
+    except FileNotFoundError:
+        return False
+    return True
+
+
+def _check_plain(target: Path) -> None:
+    if _exists(target) and not stat.S_ISREG(target.lstat().st_mode):
+        raise OutputError(
+            f"expected a plain file or nothing yet at {target}, but a folder, link or device is "
+            "there: choose another place to write to"
+        )
+
+
+def _check_room(folder: Path) -> None:
+    """Whether a file can be made in the folder, or in the one where it will be made. OSError."""
+    nearest = next(known for known in (folder, *folder.parents) if os.path.lexists(known))
+    with tempfile.TemporaryFile(dir=nearest):
+        pass
 
 
 @contextlib.contextmanager

@@ -48,8 +48,11 @@ def test_the_command_prints_json_or_tables(monkeypatch: pytest.MonkeyPatch) -> N
     found = json.loads(done.stdout)
     assert set(found["rows"][0]) == set(COLUMNS)
     assert {row["method"] for row in found["blocked"]} == set(planning.METHODS)
+    assert {row["robots"] for row in found["one_drive"]} == {0, *range(10, 100, 10)}
+    assert found["gains"][0]["gain"] == pytest.approx(0.7185, abs=1e-4)
     text = CliRunner().invoke(app, arguments).stdout
     assert "best chance, equal scores" in text and "share that arrives, by drives" in text
+    assert "one drive, to the target" in text and "published shares are in the interval" in text
 
 
 def test_bad_input_is_refused() -> None:

@@ -7,11 +7,9 @@ import pytest
 
 from vrchain.errors import LedgerError
 from vrchain.experiments.latency import (
-    PAPER,
     RETRIEVALS,
     STAGES,
     retrieval_latency,
-    summary_table,
     throughput,
     update_latency,
 )
@@ -58,16 +56,19 @@ def test_retrieval_three_ways(measured: tuple[pd.DataFrame, Path]) -> None:
     given: list[tuple[bytes, bytes]] = []
     with Ledger.open(measured[1]) as ledger:
         table = retrieval_latency(
-            ledger, ["R1", "R2"], 5, lambda a, b: given.append((a, b)), n_landmark_repeats=2
+            ledger, ["R1", "R2"], lambda a, b: given.append((a, b)), n_landmarks=4
         )
-        without = retrieval_latency(ledger, ["R1"], n_repeats=2)
-    assert set(given) == {(PAYLOADS[8], PAYLOADS[9]), (PAYLOADS[9], PAYLOADS[8])}
-    assert list(table["way"]) == list(RETRIEVALS) * 2
-    assert (table["positions"] == 5).all()
-    assert (table[["median_us", "mean_us"]] > 0).all(axis=None)
-    median_us = table.groupby("way")["median_us"].median()
+        without = retrieval_latency(ledger, ["R1"], len)
+    # the last to warm up, then four: each with the one before it, the first with the one after
+    assert given == [(PAYLOADS[k], PAYLOADS[abs(k - 1)]) for k in (9, 0, 3, 6, 9)]
+    for way, positions in zip(RETRIEVALS, (range(1, 11), range(1, 11), (1, 4, 7, 10)), strict=True):
+        rows = table[table["way"] == way]
+        assert list(rows["position"]) == list(positions)
+        assert list(rows["robot"]) == ["R1" if n % 2 else "R2" for n in positions]
+    assert (table["time_us"] > 0).all()
+    median_us = table.groupby("way")["time_us"].median()
     assert median_us["newest_transaction"] < median_us["panorama"]
-    assert list(without["way"]) == list(RETRIEVALS[:2])
+    assert list(without["way"].unique()) == list(RETRIEVALS[:2]) and len(without) == 10
 
 
 def test_a_robot_that_has_not_published(tmp_path: Path) -> None:
@@ -85,24 +86,3 @@ def test_throughput(tmp_path: Path) -> None:
     assert verify(tmp_path / "ledger").blocks == 11
     with pytest.raises(LedgerError, match="at least one payload"):
         throughput([], tmp_path / "none")
-
-
-def test_the_summary_stands_beside_both_readings_of_the_paper() -> None:
-    updates = {40: pd.DataFrame({"total_us": [1000.0, 3000.0]})}
-    retrievals = {
-        n: pd.DataFrame({"way": ["panorama", "panorama"], "mean_us": [100.0, 300.0]})
-        for n in (500, 40)
-    }
-    table = summary_table(updates, retrievals, {40: 1.5}).set_index("source")
-    ours, paper = table.loc["measured here"], table.drop("measured here")
-    assert list(ours["positions"]) == [40, 500]
-    assert ours["mean_update_ms"].iloc[0] == 2.0
-    assert pd.isna(ours["mean_update_ms"].iloc[1])
-    assert list(ours["mean_panorama_ms"]) == [0.2, 0.2]
-    assert ours["mean_landmark_quality_m"].iloc[0] == 1.5
-    assert ours["mean_retrieval_ms"].isna().all()
-    assert paper["positions"].isna().all()  # which row is whose is not known
-    assert list(paper["mean_update_ms"]) == [8.3e-4, pytest.approx(0.83)]
-    assert list(paper["mean_retrieval_ms"]) == [1.79e-5, pytest.approx(0.0179)]
-    assert all("3.35-3.41" in note for note in paper["note"])
-    assert PAPER.landmark_quality_printed == (3.35, 3.41)

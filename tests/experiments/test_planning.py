@@ -1,5 +1,8 @@
 """What it means that a segment is lost, and what drives come to."""
 
+from collections.abc import Sequence
+from itertools import product
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -15,16 +18,45 @@ from vrchain.experiments.planning import (
     shares,
     standing_rule,
 )
+from vrchain.experiments.published_drives import PUBLISHED
 from vrchain.experiments.wavn import Path, Task, World, breadth_first, random_world
 from vrchain.seeding import generator
 
 
+def drives_to_its_end(landmarks: Sequence[Sequence[int]], p: float, thrown: Sequence[int]) -> bool:
+    passable = published_rule(p, iter(thrown))
+    return all(passable(-1, -1, options) for options in landmarks)
+
+
 def test_the_published_rule() -> None:
-    sure, never = published_rule(0.0, generator(0)), published_rule(1.0, generator(0))
-    assert sure(0, 1, (5,)) and not never(0, 1, (5,)) and not never(0, 1, (5, 6))
-    assert never(0, 1, (5, 6, 7))
-    half = published_rule(0.5, generator(0))
-    assert 0.4 < np.mean([half(0, 1, (5,)) for _ in range(1000)]) < 0.6  # drawn anew each time
+    single, two, three = (5,), (5, 6), (5, 6, 7)
+    assert all(drives_to_its_end([single], 0.55, [coin]) == (coin >= 55) for coin in range(101))
+    assert not drives_to_its_end([two], 0.55, [54]) and drives_to_its_end([three], 0.55, [54])
+    # what was lost stays lost until another is, or the drive is over
+    assert not drives_to_its_end([three, single], 0.5, [0, 100])
+    assert drives_to_its_end([three, (6, 5, 7), single], 0.5, [0, 0, 100])
+    again = published_rule(0.5, iter([0, 100]))
+    assert not again(0, 1, single) and again(0, 1, single)
+
+
+@pytest.mark.parametrize("p", [0.05, 0.5, 0.95])
+@pytest.mark.parametrize("before", [[], [(1, 2, 3)], [(9,)], [(1, 2, 3), (9, 2, 3), (4, 5)]])
+def test_no_path_that_ends_with_the_target_beats_the_bound(
+    before: list[tuple[int, ...]], p: float
+) -> None:
+    coins = range(0, 101, 1 if len(before) < 2 else 25), range(101)
+    thrown = [
+        (*early, late) for early in product(coins[0], repeat=len(before)) for late in coins[1]
+    ]
+    arrived = np.mean([drives_to_its_end([*before, (9,)], p, each) for each in thrown])
+    bound = 1 - 100 * p / 101
+    assert arrived <= bound + 1e-9
+    assert (arrived == pytest.approx(bound)) == all(x[0] != 9 and len(x) > 2 for x in before)
+    # the bound is the target's: with spares at the end there is none
+    spared = [
+        drives_to_its_end([(1, 2, 3), (9, 2, 3)], p, each) for each in product((0, 100), repeat=2)
+    ]
+    assert all(spared)
 
 
 def test_the_standing_rule() -> None:
@@ -87,14 +119,12 @@ def test_shares_are_as_the_rules_have_it(table: pd.DataFrame) -> None:
                 assert ours >= theirs - 0.05
     ours = table[(table.method == "best chance") & (table.drives == planning.MAX_DRIVES)]
     assert (ours[ours.rule == "standing"].of_free > 0.99).all()
-    published = table[table.published.notna()]
-    assert len(published) == 6 and (published.drives == 1).all()
 
 
 def test_two_drives_are_ahead_of_every_published_line(table: pd.DataFrame) -> None:
-    for k, p in enumerate(planning.PROBABILITIES):
+    for p in planning.PROBABILITIES:
         ours = share(table, "drive", p, "best chance", 2)
-        assert all(ours > line[k] for line in planning.PUBLISHED_SHARES.values())
+        assert all(ours > line.loc[p].mean() for line in PUBLISHED.values())
 
 
 def test_the_same_seed_gives_the_same_table() -> None:

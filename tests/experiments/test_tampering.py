@@ -7,7 +7,7 @@ import pytest
 
 from vrchain.experiments import tampering
 from vrchain.experiments.tampering import who_notices
-from vrchain.ledger import Ledger, simulated_key, verify
+from vrchain.ledger import Ledger, errors, simulated_key, verify
 
 KEYS = {robot: simulated_key(4, robot) for robot in ("R1", "R2", "operator")}
 
@@ -50,3 +50,24 @@ def test_who_notices(
     assert set(found.index[found.says == "nothing: all is good"]) == unnoticed
     assert found.says.str.contains(words)[KNOWING]
     assert verify(folder).ok  # a copy was tampered with
+
+
+@pytest.mark.parametrize(
+    "tamper",
+    [
+        lambda f: tampering.change_record(f, 9),
+        lambda f: tampering.change_record(f, -1),
+        lambda f: tampering.cut_tail(f, 4),
+        lambda f: tampering.change_panorama(f, bytes(32)),
+        lambda f: tampering.remove_panorama(f, bytes(32)),
+    ],
+)
+def test_what_is_not_there_is_not_tampered_with(
+    folder: Path, tamper: Callable[[Path], object], tmp_path: Path
+) -> None:
+    with pytest.raises(errors.NotFoundError, match="expected"):
+        tamper(folder)
+    for ask in (tamper, lambda f: who_notices(f, tamper)):
+        with pytest.raises((errors.NotALedgerError, errors.NotFoundError)):
+            ask(tmp_path)
+    assert list(tmp_path.iterdir()) == []

@@ -8,9 +8,12 @@ import pytest
 from vrchain.errors import MissionError
 from vrchain.experiments.wavn import (
     Path,
+    Task,
     World,
     breadth_first,
     ledger_chain,
+    published_breadth_first,
+    published_chain,
     random_tasks,
     random_world,
     shorten,
@@ -28,8 +31,9 @@ def seen(rows: list[str]) -> World:
 
 def check_path(world: World, path: Path, start: int, target: int) -> None:
     assert path.robots[0] == start and target in world.landmarks_of[path.robots[-1]]
-    assert len(path.landmarks) == len(path.robots) - 1 == path.length - 1
-    for (a, b), landmarks in zip(pairwise(path.robots), path.landmarks, strict=True):
+    *between, last = path.landmarks
+    assert last == (target,)
+    for (a, b), landmarks in zip(pairwise(path.robots), between, strict=True):
         assert landmarks and set(landmarks) <= set(world.common(a, b))
 
 
@@ -42,6 +46,11 @@ def test_a_world_is_as_it_is_described_and_the_same_every_time() -> None:
     assert len(set(world.ledger)) == len(world.ledger) >= 32
     for a, b in pairwise(world.ledger):
         assert world.common(a, b)
+
+
+def test_small_teams_often_have_a_ledger_without_spares() -> None:
+    few, many = ([random_world(3000, k, n, 10 * n).spares for k in range(20)] for n in (10, 90))
+    assert 3 < sum(few) < 17 and all(many)
 
 
 def test_no_world_can_be_had() -> None:
@@ -69,37 +78,53 @@ def test_every_planner_gives_a_chain_and_ours_is_as_short_as_the_shortest() -> N
         for task in random_tasks(world, 20, 3000, index):
             shortest = breadth_first(world, task.start, task.target)
             check_path(world, shortest, task.start, task.target)
-            check_path(world, with_spares(world, shortest), task.start, task.target)
+            spared = with_spares(world, shortest.robots, task.target)
+            check_path(world, spared, task.start, task.target)
             goal = dict.fromkeys(world.seen_by[task.target], 0.9)
             ours = planner.best(task.start, goal)
-            chosen = Path(ours.robots, tuple((i,) for i in ours.landmarks))
+            chosen = Path(ours.robots, tuple((i,) for i in (*ours.landmarks, task.target)))
             check_path(world, chosen, task.start, task.target)
-            assert len(ours.robots) == shortest.length
+            assert len(ours.robots) == len(shortest.robots)
             for robust in (False, True):
-                chain = ledger_chain(world, task.start, task.viewer, draws, robust)
+                chain = ledger_chain(world, task, draws, robust)
                 check_path(world, chain, task.start, task.target)
-                short = shorten(world, chain, task.target, draws)
+                short = shorten(world, chain, draws)
                 check_path(world, short, task.start, task.target)
-                assert shortest.length <= short.length <= chain.length
+                assert len(shortest.robots) <= len(short.robots) <= len(chain.robots)
 
 
 def test_the_ledger_is_walked_either_way() -> None:
-    world = seen(["ab", "bc", "cd", "de"])
-    assert ledger_chain(world, 0, 2, generator(0), False) == Path((0, 1, 2), ((1,), (2,)))
-    assert ledger_chain(world, 3, 1, generator(0), True) == Path((3, 2, 1), ((3,), (2,)))
-    assert ledger_chain(world, 2, 2, generator(0), True) == Path((2,), ())
+    world, draws = seen(["ab", "bc", "cd", "de"]), generator(0)
+    there, back, here = Task(0, 3, 2), Task(3, 1, 1), Task(2, 3, 2)
+    assert ledger_chain(world, there, draws, False) == Path((0, 1, 2), ((1,), (2,), (3,)))
+    assert ledger_chain(world, back, draws, True) == Path((3, 2, 1), ((3,), (2,), (1,)))
+    assert ledger_chain(world, here, draws, True) == Path((2,), ((3,),))
+    # as published, backwards each segment has the landmarks of the one before
+    assert ledger_chain(world, there, draws, True, slips=True).landmarks == ((1,), (2,), (3,))
+    assert ledger_chain(world, back, draws, True, slips=True).landmarks == ((3,), (3,), (1,))
 
 
 def test_shortening_goes_straight_from_the_first_that_sees_a_later_landmark() -> None:
-    world = seen(["abd", "bc", "cd", "de"])
-    chain = ledger_chain(world, 0, 3, generator(0), True)
-    short = shorten(world, chain, 4, generator(0, "many draws"))
-    assert short == Path((0, 3), ((3,),))
+    world, task = seen(["abd", "bc", "cd", "de"]), Task(0, 4, 3)
+    chain = ledger_chain(world, task, generator(0), True)
+    assert shorten(world, chain, generator(0, "many draws")) == Path((0, 3), ((3,), (4,)))
     stiff = seen(["ab", "bc", "cd", "de"])
-    chain = ledger_chain(stiff, 0, 3, generator(0), True)
-    assert shorten(stiff, chain, 4, generator(0)) == chain
+    chain = ledger_chain(stiff, task, generator(0), True)
+    assert shorten(stiff, chain, generator(0)) == chain
+
+
+def test_a_published_chain_may_lose_its_target() -> None:
+    world, task = seen(["abd", "bc", "cd", "de"]), Task(0, 4, 3)
+    draws = generator(0, "many draws")
+    assert published_chain(world, task, draws) == Path((0, 0), ((1,), (3,)))
+    alone = World(world.sees, world.ledger, spares=False)
+    assert published_chain(alone, task, draws) == Path((0, 3), ((3,), (4,)))
+    begun = published_breadth_first(with_spares(world, (0, 3), 4))
+    assert begun == Path((0, 0, 3), ((0,), (3,), (4,)))
 
 
 def test_breadth_first_finds_nothing_where_nothing_is() -> None:
     assert breadth_first(seen(["ab", "b", "c"]), 0, 2) is None
-    assert breadth_first(seen(["ab", "b", "c"]), 0, 0) == Path((0,), ())
+    assert breadth_first(seen(["ab", "b", "c"]), 0, 0) == Path((0,), ((0,),))
+    # of paths alike, that by the first robot, as published
+    assert breadth_first(seen(["ab", "bc", "ac", "cd"]), 0, 3).robots == (0, 1, 3)

@@ -4,7 +4,7 @@ from pathlib import Path
 import pytest
 
 from vrchain.errors import LearnedError
-from vrchain.landmarks.weights import load_network, save_weights, weights_digest
+from vrchain.landmarks.weights import load_network, read_weights, save_weights, weights_digest
 
 torch = pytest.importorskip("torch", reason="learned features need torch (extra `learned`)")
 
@@ -19,7 +19,7 @@ def network(seed: int = 0):
 def test_weights_come_back(tmp_path: Path) -> None:
     before = network()
     save_weights(before, tmp_path / "w.pt")
-    after = load_network(tmp_path / "w.pt").state_dict()
+    after = read_weights(tmp_path / "w.pt").state_dict()
     for name, tensor in before.state_dict().items():
         assert torch.allclose(tensor.float(), after[name].float(), rtol=1e-3, atol=1e-6), name
     assert (tmp_path / "w.pt").stat().st_size < 20_000_000

@@ -3,6 +3,7 @@
 import json
 import os
 import stat
+import time
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +13,7 @@ from typer.testing import CliRunner
 
 from vrchain.cli.ledger import app
 from vrchain.errors import ImageError, OutputError, VRChainError
-from vrchain.ledger import Ledger, errors
+from vrchain.ledger import Ledger, errors, simulated_key
 from vrchain.panorama import CameraRig, Panorama, read_image
 from vrchain.seeding import generator
 
@@ -46,6 +47,52 @@ def answer(*arguments: object) -> dict[str, Any]:
 def everything(folder: Path) -> list[Path]:
     """All paths but those of SQLite's working files, which readers make too."""
     return sorted(p for p in folder.rglob("*") if not p.name.endswith(("-wal", "-shm")))
+
+
+ODD = "yard\nkeys     live\x1b[2K\u202e\u0000"
+
+
+def test_nothing_from_a_ledger_fakes_a_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Names with line ends, escapes or turned writing are refused; an old ledger's is spelt out."""
+    with pytest.raises(errors.RecordError, match="printable") as refused:
+        text("init", "L", "--name", ODD, "--keys", "keys")
+    assert str(refused.value).isprintable() and not Path("L").exists()
+    operator = simulated_key(0, "operator")
+    with monkeypatch.context() as patch:
+        patch.setattr("vrchain.ledger.chain.check_new_name", lambda name: None)
+        Ledger.create("L", {}, operator, name=ODD).close()
+    first, *others = text("show", "L").splitlines()
+    assert first.endswith(" yard\\nkeys     live\\x1b[2K\\u202e\\x00")
+    assert [line[:5] for line in others] == ["head ", "keys "]
+    assert others[1] == "keys     insecure: simulated"
+    assert answer("show", "L")["name"] == ODD
+    assert answer("verify", "L")["ok"]
+
+
+def test_a_clock_that_is_far_ahead_writes_nothing(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What it signed could not be followed by anything for years."""
+    text("init", "L", "--member", "R1", "--member", "R2")
+    text("append", "L", "R1", "payload")
+    ahead_ns = time.time_ns() + 31 * 86_400_000_000_000
+    commands = [
+        ("append", "L", "R1", "payload"),
+        ("enroll", "L", "R3"),
+        ("expel", "L", "R2"),
+        ("drop", "L", "--keep", "1"),
+    ]
+    with monkeypatch.context() as patch:
+        patch.setattr("time.time_ns", lambda: ahead_ns)
+        text("append", "L", "R1", "payload", "--clock-is-right")  # the ledger has rested
+    with Ledger.open("L", writable=True) as ledger:
+        assert ledger.head.timestamp_ns == ahead_ns
+    with pytest.raises(errors.TimeOrderError, match="expel the robot and enrol"):
+        text("append", "L", "R1", "payload")
+    monkeypatch.setattr("time.time_ns", lambda: ahead_ns * 2)
+    for command in commands:
+        with pytest.raises(errors.ClockSkewError, match="set the clock"):
+            text(*command)
+    assert answer("show", "L")["height"] == 2
+    assert not any(path.name == "R3.pem" for path in Path("config").rglob("*"))
 
 
 def test_from_init_to_export() -> None:
@@ -239,6 +286,8 @@ def test_one_robot_cannot_write_with_anothers_key() -> None:
         (["verify", "L", "--expected-head", "00" * 32], errors.DamagedError),
         (["export", "L", "-o", "L/out"], errors.RecordError),
         (["export", "L", "-o", "config"], OutputError),
+        (["export", "missing", "-o", "config"], OutputError),  # told before anything is read
+        (["export", "missing", "--pictures", "payload"], OutputError),
         (["export", "missing", "-o", "out"], errors.NotALedgerError),
         (["export", "L"], errors.RecordError),
         (["export", "L", "--pictures", "L/shown"], errors.RecordError),

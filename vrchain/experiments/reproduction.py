@@ -29,6 +29,7 @@ from vrchain.experiments.results import (
 )
 from vrchain.experiments.scenes import suburbs
 from vrchain.experiments.workers import each
+from vrchain.extras import require
 from vrchain.files import output_folder
 from vrchain.geometry import Pose
 from vrchain.landmarks.common import compare
@@ -77,9 +78,7 @@ def run_retrieval(results: Results, folder: Path) -> str:
     tables = []
     for n in profile.positions:
         with Ledger.open(results.path("update", f"ledger_{n}")) as ledger:
-            table = latency.retrieval_latency(
-                ledger, ROBOTS, profile.retrieval_samples, common_landmark
-            )
+            table = latency.retrieval_latency(ledger, ROBOTS, common_landmark)
         table.insert(0, "ledger_positions", n)
         tables.append(table)
     found = pd.concat(tables)
@@ -89,8 +88,10 @@ def run_retrieval(results: Results, folder: Path) -> str:
         rates = latency.throughput(payloads, Path(scratch) / "ledger", ROBOTS, profile.seed)
     rates.to_csv(folder / "throughput.csv", index=False)
     vision_latency(profile).to_csv(folder / "vision.csv", index=False)
-    means = found.groupby("way").median_us.mean()
-    times = ", ".join(f"{way.replace('_', ' ')} {means[way]:.3g} us" for way in latency.RETRIEVALS)
+    medians = found.groupby("way").time_us.median()
+    times = ", ".join(
+        f"{way.replace('_', ' ')} {medians[way]:.3g} us" for way in latency.RETRIEVALS
+    )
     return f"{times}; {rates.updates_per_s[0]:.0f} updates a second"
 
 
@@ -184,6 +185,14 @@ NEEDS = {
 }
 
 
+LIBRARIES = {
+    "landmarks": ("torch",),
+    "mission": ("torch",),
+    "figures": ("torch",),
+    "notebooks": ("torch", "nbconvert", "ipykernel"),
+}
+
+
 def reproduce(
     results: Results,
     names: Sequence[str] = (),
@@ -193,8 +202,8 @@ def reproduce(
     """Run the named stages (all, if none is named) in their order, telling of each in one line.
 
     Results that a stage goes on from are taken as they are; it is told if other code made them.
-    ReproductionError, before anything is run, if there is no such stage or if what a stage needs
-    is neither there nor about to be made.
+    ReproductionError, before anything is run, if there is no such stage, if a library that a stage
+    needs is not installed, or if what it needs is neither there nor about to be made.
     """
     for name in names:
         if name not in stages:
@@ -208,6 +217,8 @@ def reproduce(
             f"{', '.join(chosen)} cannot do without the results of {', '.join(sorted(missing))}: "
             f"run `vrchain reproduce --profile {results.profile.name} --only {' '.join(wanted)}`"
         )
+    for stage in chosen:
+        require(*LIBRARIES.get(stage, ()), what=f"the stage {stage}", error=ReproductionError)
     tell_of_other_code(results, [stage for stage in stages if stage in needed], tell)
     for stage in chosen:
         start = perf_counter()

@@ -15,7 +15,7 @@ from pathlib import Path
 import pandas as pd
 
 from vrchain.errors import VRChainError
-from vrchain.experiments import latency, mission
+from vrchain.experiments import mission, paper
 from vrchain.files import code_digest
 from vrchain.panorama import CameraRig
 from vrchain.paths import BUILD, SCENES
@@ -46,7 +46,6 @@ class Profile:
     pairs_a_band: int = 10  # random pairs of places
     bands_m: tuple[tuple[float, float], ...] = ((1.0, 10.0), (10.0, 20.0), (20.0, 40.0))
     survey_pairs: int = 12  # at most, of R1's and R2's panoramas, for each number of positions
-    retrieval_samples: int = 30
     vision_samples: int = 5
 
 
@@ -62,7 +61,6 @@ PROFILES = {
             missions=5,
             pairs_a_band=60,
             survey_pairs=60,
-            retrieval_samples=100,
             vision_samples=20,
         ),
         Profile(
@@ -101,11 +99,9 @@ class Results:
     def here(cls, profile: str | None = None) -> "Results":
         """Those of a profile where the environment says they are.
 
-        VRCHAIN_PROFILE names the profile if none is given, for figures' scripts and notebooks;
-        VRCHAIN_BUILD is a folder to use in place of build/.
+        VRCHAIN_PROFILE names the profile if none is given, for figures' scripts and notebooks.
         """
-        name = profile or os.environ.get("VRCHAIN_PROFILE", "quick")
-        return cls(profile_named(name), Path(os.environ.get("VRCHAIN_BUILD", BUILD)))
+        return cls(profile_named(profile or os.environ.get("VRCHAIN_PROFILE", "quick")))
 
     @property
     def folder(self) -> Path:
@@ -165,10 +161,14 @@ class Results:
         return self.table("landmarks", "survey_summary")
 
     def summary(self) -> pd.DataFrame:
-        """The paper's table: ``latency.summary_table``."""
+        """The paper's table: ``paper.summary_table``."""
         found = self.qualities()
         qualities = dict(zip(self.profile.positions, found.quality_m_mean, strict=True))
-        return latency.summary_table(self.updates(), self.retrievals(), qualities)
+        return paper.summary_table(self.updates(), self.retrievals(), qualities)
+
+    def bounds(self) -> pd.DataFrame:
+        """The paper's bounds: ``paper.bounds_table``."""
+        return paper.bounds_table(self.updates(), self.retrievals())
 
     def note(self) -> str:
         """What the latency figures were measured on, for their captions."""

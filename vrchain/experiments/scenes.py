@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache, partial
 from pathlib import Path
 
+from vrchain.paths import scene_file
 from vrchain.scene import Scene, build_scene, load_scene, load_spec
 from vrchain.scene.gazebo import SUFFIXES
 from vrchain.scene.spec import SceneSpec
@@ -28,7 +29,7 @@ def scenes_of(path: str | Path) -> Scenes:
     A spec is drawn with a seed of its own for every (seed, k); a Gazebo world stays as it is, and
     is told from others by its models too, wherever those were found.
     """
-    path = Path(path)
+    path = scene_file(path)
     if path.suffix.lower() not in SUFFIXES:
         return suburbs(load_spec(path))
     _loaded.cache_clear()

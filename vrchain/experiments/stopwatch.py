@@ -36,13 +36,15 @@ class Stopwatch:
 def sample_us(call: Callable[[], object], calls: int, samples: int) -> list[float]:
     """Microseconds of one call, from ``samples`` runs of ``calls``, after one call to warm up."""
     call()
-    times_us = []
-    for _ in range(samples):
-        start_ns = perf_counter_ns()
-        for _ in repeat(None, calls):
-            call()
-        times_us.append((perf_counter_ns() - start_ns) / 1e3 / calls)
-    return times_us
+    return [elapsed_us(call, calls) for _ in range(samples)]
+
+
+def elapsed_us(call: Callable[[], object], calls: int = 1) -> float:
+    """Microseconds of one call, the mean of one run of ``calls``."""
+    start_ns = perf_counter_ns()
+    for _ in repeat(None, calls):
+        call()
+    return (perf_counter_ns() - start_ns) / 1e3 / calls
 
 
 def race_us(

@@ -13,8 +13,9 @@ import pandas as pd
 from vrchain.errors import LedgerError
 from vrchain.ledger import Ledger, SigningKey, Transaction, Verification, verify
 from vrchain.ledger.block import Entry, records_root
-from vrchain.ledger.database import insert_entry
-from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.database import insert_entry, last_height
+from vrchain.ledger.errors import NotFoundError
+from vrchain.ledger.place import BLOBS_NAME, database_in
 from vrchain.ledger.table import Table
 
 Tamper = Callable[[Path], object]
@@ -25,7 +26,9 @@ def who_notices(folder: Path, tamper: Tamper) -> pd.DataFrame:
     """Tamper with a copy of the ledger in ``folder``; who looks, and what they say.
 
     One row each: who, says. The witness had the ledger open before; the newcomer opens it after.
+    Raises NotALedgerError.
     """
+    database_in(folder)
     with tempfile.TemporaryDirectory() as name:
         copy = shutil.copytree(folder, Path(name) / "ledger")
         with Ledger.open(copy) as witness:
@@ -42,19 +45,20 @@ def who_notices(folder: Path, tamper: Tamper) -> pd.DataFrame:
 
 
 def change_panorama(folder: Path, blob: bytes) -> None:
-    """Turn over one bit in the middle of a stored blob."""
-    path = folder / "blobs" / blob.hex()
+    """Turn over one bit in the middle of a stored blob. NotFoundError where none is."""
+    path = _blob(folder, blob)
     path.write_bytes(_changed(path.read_bytes()))
 
 
 def remove_panorama(folder: Path, blob: bytes) -> None:
-    """Delete a stored blob."""
-    (folder / "blobs" / blob.hex()).unlink()
+    """Delete a stored blob. NotFoundError where none is."""
+    _blob(folder, blob).unlink()
 
 
 def change_record(folder: Path, height: int) -> None:
-    """Turn over one bit in the middle of the first record of the block at ``height``."""
+    """Turn over one bit in the middle of the first record at ``height``. NotFoundError."""
     with closing(_database(folder)) as db:
+        _check_height(db, height)
         query = "SELECT record FROM records WHERE height = ? AND position = 0"
         changed = _changed(db.execute(query, (height,)).fetchone()[0])
         update = "UPDATE records SET record = ? WHERE height = ? AND position = 0"
@@ -62,8 +66,9 @@ def change_record(folder: Path, height: int) -> None:
 
 
 def cut_tail(folder: Path, height: int) -> None:
-    """Delete the block at ``height`` and all after it, with their records."""
+    """Delete the block at ``height`` and all after it, with their records. NotFoundError."""
     with closing(_database(folder)) as db:
+        _check_height(db, height)
         for table in ("blocks", "records"):
             db.execute(f"DELETE FROM {table} WHERE height >= ?", (height,))
 
@@ -86,7 +91,20 @@ def sign_again(folder: Path, author: str, key: SigningKey) -> None:
 
 
 def _database(folder: Path) -> sqlite3.Connection:
-    return sqlite3.connect(folder / DATABASE_NAME, isolation_level=None)
+    return sqlite3.connect(database_in(folder), isolation_level=None)
+
+
+def _check_height(db: sqlite3.Connection, height: int) -> None:
+    last = last_height(db)
+    if not 0 <= height <= last:
+        raise NotFoundError(f"expected the height of a block, 0 to {last}, got {height}")
+
+
+def _blob(folder: Path, blob: bytes) -> Path:
+    path = folder / BLOBS_NAME / blob.hex()
+    if not path.is_file():
+        raise NotFoundError(f"expected the digest of a stored blob, got {blob.hex()}")
+    return path
 
 
 def _changed(data: bytes) -> bytes:

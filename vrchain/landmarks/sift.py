@@ -3,6 +3,8 @@
 Lowe (2004), "Distinctive Image Features from Scale-Invariant Keypoints".
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 
 import cv2
@@ -14,6 +16,7 @@ from vrchain.panorama import Panorama
 
 _SEAM_PX = 64  # the cylinder is continued this far, so that keypoints at the seam are whole
 _ROWS_A_PASS = 2048
+_AVX2 = 11  # OpenCV's number of it
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,12 +74,25 @@ def _grey(image_rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
 
 
 def _detect(grey: NDArray[np.uint8]) -> Keypoints:
-    found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
+    with _steadily():
+        found, descriptors = cv2.SIFT.create().detectAndCompute(grey, None)
     xy_px = np.array([k.pt for k in found], dtype=float).reshape(-1, 2)
     size_px = np.array([k.size for k in found])
     if descriptors is None:
         descriptors = np.empty((0, 128))
     return Keypoints(xy_px, size_px, descriptors.astype(np.uint8))
+
+
+@contextmanager
+def _steadily() -> Iterator[None]:
+    """Without AVX2, OpenCV's last bits depend on how the picture is shared out to threads."""
+    threads = cv2.getNumThreads()
+    if not cv2.checkHardwareSupport(_AVX2):
+        cv2.setNumThreads(1)
+    try:
+        yield
+    finally:
+        cv2.setNumThreads(threads)
 
 
 def extract(panorama: Panorama, shrink: int = 1) -> Features:
@@ -135,10 +151,11 @@ def root(descriptors: NDArray[np.uint8]) -> NDArray[np.float32]:
     """Descriptors whose distance is Hellinger's: few large numbers count less (RootSIFT).
 
     Arandjelovic and Zisserman, "Three things everyone should know to improve object retrieval",
-    2012.
+    2012. So short that products are exact in float32.
     """
     wide = descriptors.astype(np.float32)
-    return np.asarray(np.sqrt(wide / np.maximum(wide.sum(axis=1, keepdims=True), 1.0)), np.float32)
+    found = np.sqrt(wide / np.maximum(wide.sum(axis=1, keepdims=True), 1.0))
+    return np.asarray(np.round(found * 2048) / 2048, np.float32)
 
 
 def mutual_matches(

@@ -51,8 +51,8 @@ class Spots:
 
     @property
     def unit(self) -> NDArray[np.float32]:
-        """Descriptors (n, d) of unit length."""
-        return np.asarray(self.descriptors.astype(np.float32) / np.float32(ONE))
+        """Descriptors (n, d) of unit length, so short that products are exact in float32."""
+        return np.asarray(np.round(self.descriptors * (1024 / ONE)) / 1024, dtype=np.float32)
 
     @property
     def directions(self) -> Array:
@@ -88,7 +88,7 @@ def spots_of(proposals: Proposals, rig: CameraRig, descriptors: NDArray[np.int8]
 def descriptors_of(proposals: Proposals, local: NDArray[np.float32]) -> NDArray[np.int8]:
     """Descriptors of the spots, by what the network says of all cells: (d, rows, columns)."""
     cells = proposals.cell[described(proposals)]
-    found = local.reshape(len(local), -1)[:, cells].T
+    found = local.reshape(len(local), -1)[:, cells].T.astype(float)
     length = np.maximum(np.linalg.norm(found, axis=1, keepdims=True), 1e-9)
     return np.asarray(np.round(found / length * ONE), dtype=np.int8)
 

@@ -12,15 +12,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from vrchain.errors import LearnedError
+from vrchain.extras import require
 from vrchain.files import write_file
 
 if TYPE_CHECKING:
+    from vrchain.landmarks.exact import ExactNetwork
     from vrchain.landmarks.network import Network
 
 SHIPPED = Path(__file__).with_name("weights_full.pt")
 _FORMAT = 1
 _MAX_BYTES = 20_000_000
-_HOW = "environment.md says, under torch, how to install it"
 
 
 def save_weights(network: "Network", file: Path) -> None:
@@ -35,7 +36,7 @@ def save_weights(network: "Network", file: Path) -> None:
     write_file(file, buffer.getvalue())
 
 
-def load_network(file: Path = SHIPPED) -> "Network":
+def load_network(file: Path = SHIPPED) -> "ExactNetwork":
     """The network with its weights, ready to propose.
 
     LearnedError where torch is not installed or the file holds no weights of this network.
@@ -63,15 +64,20 @@ def _digest(file: Path, changed_ns: int, size: int) -> str:
 
 
 @lru_cache(maxsize=2)
-def _load(file: Path, digest: str) -> "Network":
-    try:
-        import torch
+def _load(file: Path, digest: str) -> "ExactNetwork":
+    network = read_weights(file)
+    from vrchain.landmarks.exact import ExactNetwork
 
-        from vrchain.landmarks.network import Network
-    except ImportError as error:
-        raise LearnedError(
-            f"proposals need torch, but {error.name} is not installed: {_HOW}"
-        ) from error
+    return ExactNetwork(network)
+
+
+def read_weights(file: Path = SHIPPED) -> "Network":
+    """The network as it was taught. LearnedError as ``load_network``."""
+    require("torch", what="the network that proposes landmarks")
+    import torch
+
+    from vrchain.landmarks.network import Network
+
     network = Network()
     try:
         stored = torch.load(file, map_location="cpu", weights_only=True)
@@ -90,4 +96,4 @@ def _load(file: Path, digest: str) -> "Network":
             f"{file} holds no weights of this network ({type(error).__name__}): "
             "make them by `vrchain train`"
         ) from error
-    return network.to(memory_format=torch.channels_last).eval()  # type: ignore[call-overload]
+    return network.eval()

@@ -179,11 +179,11 @@ class Admission:
             )
 
     def _check_clock(self, transaction: Transaction, now_ns: int) -> None:
-        skew_ns = transaction.timestamp_ns - now_ns
-        if abs(skew_ns) > self.limits.skew_ns:
+        ahead_ns = transaction.timestamp_ns - now_ns
+        if ahead_ns > self.limits.skew_ns:  # age is no fault: it may have been out of reach
             raise ClockSkewError(
-                f"expected {transaction} within {self.limits.skew_ns} ns of the present time, "
-                f"got one {abs(skew_ns)} ns {'ahead' if skew_ns > 0 else 'behind'}; set its clock"
+                f"expected {transaction} at most {self.limits.skew_ns} ns ahead of the present "
+                f"time, got one {ahead_ns} ns ahead; set its clock"
             )
 
 

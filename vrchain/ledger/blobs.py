@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 
-from vrchain.ledger.durable import TEMPORARY, sync_folder, write_durably
+from vrchain.ledger.durable import TEMPORARY, read_plain, sync_folder, write_durably
 from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES, digest
 from vrchain.ledger.errors import DamagedError, NotFoundError
 
@@ -41,14 +41,9 @@ class BlobStore:
     def get(self, blob: bytes) -> bytes:
         """The blob's bytes, checked against its digest. NotFoundError, DamagedError, or OSError."""
         try:
-            handle = os.open(self.path(blob), os.O_RDONLY)
+            data = read_plain(self.path(blob), MAX_PAYLOAD_BYTES)
         except FileNotFoundError:
             raise NotFoundError(f"the payload {blob.hex()} is missing") from None
-        try:
-            size = os.fstat(handle).st_size
-            data = os.read(handle, size) if size <= MAX_PAYLOAD_BYTES else b""
-        finally:
-            os.close(handle)
         if digest(data) != blob:
             raise DamagedError(f"the payload {blob.hex()} has other bytes than were published")
         return data

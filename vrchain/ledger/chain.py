@@ -8,6 +8,7 @@ from types import MappingProxyType
 from typing import TypeAlias
 
 from vrchain.ledger.block import NO_BLOCK, Block, Entry, Record, records_root
+from vrchain.ledger.errors import RecordError
 from vrchain.ledger.keys import PublicKey, SigningKey
 from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
 from vrchain.ledger.transaction import NO_BLOB, NO_TRANSACTION, Transaction
@@ -33,12 +34,19 @@ def genesis_entry(
     salt: bytes = b"",
 ) -> Entry:
     """The first block with its genesis record, signed by ``operator``. RecordError on bad names."""
+    check_new_name(name)
     rows = tuple(sorted(members.items()))
     genesis = Genesis(name, salt, timestamp_ns, operator.public, rows).signed(operator)
     table = table_of(dict.fromkeys(members))
     root = records_root((genesis,))
     block = Block(0, NO_BLOCK, timestamp_ns, root, table.root, OPERATOR, table)
     return Entry(block.signed(operator), (genesis,))
+
+
+def check_new_name(name: str) -> None:
+    """Refuse with RecordError what could fake lines on a screen. Old ledgers keep their names."""
+    if not name.isprintable():
+        raise RecordError(f"ledger name: expected printable characters, got {name!a:.80}")
 
 
 class Chain:

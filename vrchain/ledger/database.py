@@ -1,22 +1,27 @@
 """Blocks and records in SQLite. Reading is strict: every column must follow from the records."""
 
+import contextlib
+import functools
 import os
 import sqlite3
-from collections.abc import Iterator
+import sys
+from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.block import Block, Entry, Record, decode_record
 from vrchain.ledger.durable import storage_errors
+from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES, MAX_RECORD_BYTES
 from vrchain.ledger.errors import (
     AccessError,
     DamagedError,
     NotALedgerError,
     NotFoundError,
     StorageError,
+    TooLargeError,
 )
-from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.place import database_in
 from vrchain.ledger.transaction import Transaction
 
 APPLICATION_ID = 0x56524C31  # "VRL1"
@@ -41,6 +46,8 @@ CREATE INDEX robots ON records (robot);
 
 _LOG_PAGES = 256  # of 4 KiB, before SQLite's log is written back: it is a small part of the disk
 _CHUNK = 64  # blocks that are read at a time
+_CELL_BYTES = 2 * MAX_RECORD_BYTES  # a stored value larger than this is not even read
+_ROWS_BYTES = MAX_PAYLOAD_BYTES  # of one block, or of those read at a time
 
 _BlockRow: TypeAlias = tuple[int, bytes, bytes]
 _RecordRow: TypeAlias = tuple[int, int, bytes, str | None, bytes]
@@ -63,11 +70,9 @@ def create_database(path: Path, first: Entry) -> None:
 def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
     """A connection to the ledger in ``folder``; it creates nothing where there is none.
 
-    Raises NotALedgerError, AccessError, StorageError.
+    Raises NotALedgerError, AccessError, DamagedError, StorageError.
     """
-    path = Path(folder).absolute() / DATABASE_NAME
-    if not path.is_file():
-        raise NotALedgerError(f"expected a ledger's folder with a file {DATABASE_NAME}: {folder}")
+    path = database_in(folder)
     _check_access(path, writable)
     with storage_errors(f"opening {path}"):
         uri = f"{path.as_uri()}?mode={'rw' if writable else 'ro'}"
@@ -81,6 +86,9 @@ def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
                     f"expected a ledger of format {FORMAT_VERSION} in {path}, "
                     f"got application id {application:#x}, format {version}"
                 )
+            if db.execute("PRAGMA journal_mode").fetchone()[0] != "wal":
+                raise DamagedError(f"expected a write-ahead log beside {path}, got none")
+            check_schema(db)
         except BaseException:
             db.close()
             raise
@@ -99,10 +107,39 @@ def _check_access(path: Path, writable: bool) -> None:
         )
 
 
+def check_schema(db: sqlite3.Connection) -> None:
+    """DamagedError for other tables and indexes than a ledger's, or any view or trigger.
+
+    A view could have rows without end, a trigger take back what was written.
+    """
+    expected = _schema()
+    with storage_errors("reading the schema"):
+        if _stored_schema(db, len(expected) + 1) != expected:
+            raise DamagedError("expected the schema of a ledger and nothing else, got another one")
+
+
+@functools.cache
+def _schema() -> list[tuple[str, str, str, str | None]]:
+    with contextlib.closing(sqlite3.connect(":memory:")) as db:
+        db.executescript(_SCHEMA)
+        return _stored_schema(db, -1)
+
+
+def _stored_schema(db: sqlite3.Connection, limit: int) -> list[tuple[str, str, str, str | None]]:
+    query = "SELECT type, name, tbl_name, sql FROM main.sqlite_master LIMIT ?"
+    return sorted(db.execute(query, (limit,)), key=repr)
+
+
 def insert_entry(db: sqlite3.Connection, entry: Entry) -> None:
-    """Insert the entry's rows. Raises sqlite3.Error."""
+    """Insert the entry's rows. TooLargeError for more than is ever read; sqlite3.Error."""
+    rows = _record_rows(entry)
+    if sum(map(_size_of, rows)) > _ROWS_BYTES - _CELL_BYTES:
+        raise TooLargeError(
+            f"expected records of at most {_ROWS_BYTES} bytes in one block, got {len(rows)} "
+            "records with more; make several blocks of them"
+        )
     db.execute("INSERT INTO blocks VALUES (?, ?, ?)", _block_row(entry.block))
-    db.executemany("INSERT INTO records VALUES (?, ?, ?, ?, ?)", _record_rows(entry))
+    db.executemany("INSERT INTO records VALUES (?, ?, ?, ?, ?)", rows)
 
 
 def read_entry(db: sqlite3.Connection, height: int) -> Entry:
@@ -124,6 +161,8 @@ def read_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entr
         except StorageError:
             if len(heights) == 1:
                 raise
+            blocks = None
+        if blocks is None:
             for height in heights:  # one by one, to come to the one that cannot be read
                 yield from read_entries(db, height, height + 1)
             continue
@@ -138,14 +177,32 @@ def _read_rows(
 ) -> tuple[dict[int, _BlockRow], dict[int, list[_RecordRow]]]:
     """The rows of the blocks at these heights, and those of their records."""
     first, last = heights[0], heights[-1]
+    blocks: dict[int, _BlockRow] = {}
+    records: dict[int, list[_RecordRow]] = {}
     with storage_errors(f"reading blocks {first} to {last}"):
         query = "SELECT * FROM blocks WHERE height BETWEEN ? AND ?"
-        blocks = {row[0]: row for row in db.execute(query, (first, last))}
+        for row in _bounded(db.execute(query, (first, last))):
+            blocks[row[0]] = row
         query = "SELECT * FROM records WHERE height BETWEEN ? AND ? ORDER BY height, position"
-        records: dict[int, list[_RecordRow]] = {}
-        for row in db.execute(query, (first, last)):
+        for row in _bounded(db.execute(query, (first, last))):
             records.setdefault(row[0], []).append(row)
     return blocks, records
+
+
+def _bounded(rows: Iterable[Any]) -> Iterator[Any]:
+    """The rows, as long as they have no more bytes than are taken into memory. DamagedError."""
+    size = 0
+    for row in rows:
+        size += _size_of(row)
+        if size > _ROWS_BYTES:
+            raise DamagedError(
+                f"the rows of one block, or of several, have over {_ROWS_BYTES} bytes"
+            )
+        yield row
+
+
+def _size_of(row: tuple[object, ...]) -> int:
+    return sum(map(sys.getsizeof, row))
 
 
 def _entry(row: _BlockRow, rows: list[_RecordRow]) -> Entry:
@@ -231,22 +288,65 @@ def _transaction(db: sqlite3.Connection, query: str, values: tuple[str, int]) ->
 
 def all_records(db: sqlite3.Connection) -> Iterator[Record]:
     """Every record in the chain's order. DamagedError for one that is not what its id says."""
+    query = "SELECT height, position, id, record FROM records ORDER BY height, position"
     with storage_errors("reading the records"):
-        for row in db.execute("SELECT id, record FROM records ORDER BY height, position"):
-            yield checked_record(row[1], row[0])
+        for record_id, data in _in_order(db.execute(query)):
+            yield checked_record(data, record_id)
+
+
+def oversized(db: sqlite3.Connection) -> int | None:
+    """The height of the first record that is too large to be read, None if none is found.
+
+    A search in the table takes whole rows into memory to compare them, so ask before: this goes
+    through it from its beginning, and ends early where the file is spoilt in another way.
+    """
+    order = "FROM records ORDER BY height, position"
+    with contextlib.suppress(StorageError), storage_errors("looking for what is too large"):
+        sizes = db.execute(
+            f"SELECT max(length(id), length(record), ifnull(length(robot), 0)) {order}"
+        )
+        rows = _in_order(db.execute(f"SELECT height, position, height {order}"))
+        for (height,) in rows:
+            try:
+                (size,) = next(sizes)
+            except sqlite3.DataError:  # too long a text in the row after, which is fetched ahead
+                return next(rows, (height,))[0]
+            if size is not None and size > _CELL_BYTES:
+                return height
+    return None
+
+
+def _in_order(rows: Iterable[tuple[Any, ...]]) -> Iterator[tuple[Any, ...]]:
+    """What comes after height and position. DamagedError where these do not go up.
+
+    In a spoilt file the tree of rows may lead round in a circle.
+    """
+    last = (-1, -1)
+    for height, position, *rest in rows:
+        if {type(height), type(position)} != {int} or (height, position) <= last:
+            raise DamagedError("the records are not stored in their order; run verify")
+        last = height, position
+        yield tuple(rest)
 
 
 def operator_records(db: sqlite3.Connection, height: int) -> list[Record]:
     """What the operator signed up to the block at ``height``, genesis first. DamagedError."""
+    found: list[Record] = []
     query = (
         "SELECT id, record FROM records WHERE robot IS NULL AND height <= ? "
         "ORDER BY height, position"
     )
     with storage_errors("reading the operator's records"):
-        return [checked_record(data, record_id) for record_id, data in db.execute(query, (height,))]
+        for record_id, data in db.execute(query, (height,)):
+            record = checked_record(data, record_id)
+            if getattr(record, "sequence", -1) != len(found) - 1:
+                raise DamagedError("the operator's records are not whole; run verify")
+            found.append(record)
+    return found
 
 
 def _prepare(db: sqlite3.Connection, wait_s: float) -> None:
+    db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _CELL_BYTES)
     db.execute(f"PRAGMA busy_timeout = {int(wait_s * 1000)}")
     db.execute("PRAGMA trusted_schema = OFF")
     db.execute("PRAGMA synchronous = FULL")

@@ -4,6 +4,7 @@ import contextlib
 import errno
 import os
 import sqlite3
+import stat
 from io import FileIO
 from pathlib import Path
 from types import TracebackType
@@ -11,6 +12,7 @@ from types import TracebackType
 from vrchain.ledger.errors import DamagedError, LedgerBusyError, StorageError, StorageFullError
 
 TEMPORARY = ".tmp"  # how the names of files end that are not whole yet
+_NO_FILE = {errno.ELOOP, errno.ENXIO, errno.ENODEV}  # a link; a socket or device without a reader
 _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 
@@ -19,7 +21,7 @@ def write_durably(path: str, data: bytes) -> None:
     folder, name = os.path.split(path)
     temporary = f"{folder}/.{name}.{os.getpid()}{TEMPORARY}"
     try:
-        with open(temporary, "wb", buffering=0) as file:
+        with _new_file(temporary) as file:
             _write_all(file, data)
             os.fsync(file.fileno())
         os.replace(temporary, path)
@@ -28,6 +30,32 @@ def write_durably(path: str, data: bytes) -> None:
             os.unlink(temporary)
         raise
     sync_folder(folder)
+
+
+def _new_file(path: str) -> FileIO:
+    """Made here and now, in the place of what a killed process left, or of a planted link."""
+    try:
+        return open(path, "xb", buffering=0)
+    except FileExistsError:
+        os.unlink(path)
+        return open(path, "xb", buffering=0)
+
+
+def read_plain(path: str, max_bytes: int) -> bytes:
+    """What a plain file holds. DamagedError for another kind, or more bytes; OSError."""
+    try:
+        handle = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError as error:
+        if error.errno in _NO_FILE:
+            raise DamagedError(f"expected a plain file: {path}") from None
+        raise
+    try:
+        found = os.fstat(handle)
+        if not stat.S_ISREG(found.st_mode) or found.st_size > max_bytes:
+            raise DamagedError(f"expected a plain file of at most {max_bytes} bytes: {path}")
+        return os.read(handle, found.st_size)
+    finally:
+        os.close(handle)
 
 
 def _write_all(file: FileIO, data: bytes) -> None:
@@ -82,6 +110,6 @@ def _database_error(doing: str, error: sqlite3.Error) -> StorageError:
         return StorageFullError(f"no room for the database while {doing}; make room")
     if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
         return LedgerBusyError(f"another process is writing while {doing}; try again")
-    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB):
+    if code in (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_TOOBIG):
         return DamagedError(f"the database is damaged ({error}) while {doing}; run verify")
     return StorageError(f"the database failed while {doing}: {error}")

@@ -113,7 +113,7 @@ class QueueFullError(AdmissionError):
 
 
 class ClockSkewError(AdmissionError):
-    """A timestamp is too far from the present time."""
+    """A timestamp is too far ahead of the present time."""
 
 
 class RateLimitError(AdmissionError):
@@ -126,6 +126,10 @@ class StorageError(LedgerError):
 
 class NotALedgerError(StorageError):
     """The folder holds no ledger, or one of another format."""
+
+
+class ReplacedError(StorageError):
+    """The ledger's folder or files are not those any more that were opened."""
 
 
 class LedgerExistsError(StorageError):

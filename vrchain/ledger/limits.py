@@ -12,7 +12,7 @@ class Limits:
 
     record_bytes: int = 2048  # of a transaction that nobody has verified yet
     blob_bytes: int = 1 << 22  # of its panorama and landmark record together
-    skew_ns: int = 60_000_000_000  # between a timestamp and the present time, either way
+    skew_ns: int = 60_000_000_000  # of a timestamp ahead of the present time
     rate_per_s: float = 1.0  # transactions of one robot, in the long run
     burst: int = 10  # transactions of one robot, at once
     rate_bytes_per_s: float = 1 << 20  # blobs of one robot, in the long run

@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from vrchain.errors import LedgerError
 from vrchain.ledger.block import Block, Entry, Record, records_root
 from vrchain.ledger.database import (
+    checked_record,
     last_height,
     newest_transaction,
     operator_records,
@@ -59,6 +60,29 @@ def read_whole_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterato
         if records_root(records) != block.records_root:
             raise DamagedError(f"{block} lists other records than are stored; run verify")
         yield Entry(block, records)
+
+
+def read_history(db: sqlite3.Connection, robot: str, height: int) -> list[Transaction]:
+    """The robot's transactions up to the block at ``height``, each naming the one before it.
+
+    Raises DamagedError, also where a spoilt tree of rows leads round in a circle.
+    """
+    found: list[Transaction] = []
+    query = (
+        "SELECT id, record FROM records WHERE robot = ? AND height <= ? ORDER BY height, position"
+    )
+    with storage_errors(f"reading the history of {robot}"):
+        for record_id, data in db.execute(query, (robot, height)):
+            record = checked_record(data, record_id)
+            expected = robot, len(found), found[-1].id if found else NO_TRANSACTION
+            if not isinstance(record, Transaction) or expected != (
+                record.robot,
+                record.sequence,
+                record.previous,
+            ):
+                raise DamagedError(f"the history of {robot} is not whole; run verify")
+            found.append(record)
+    return found
 
 
 def first_unreadable(db: sqlite3.Connection, blocks: int) -> int | None:

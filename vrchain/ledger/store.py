@@ -4,7 +4,6 @@ import contextlib
 import os
 import time
 from collections.abc import Iterator, Mapping, Sequence
-from itertools import pairwise
 from pathlib import Path
 from typing import Self
 
@@ -14,7 +13,7 @@ from vrchain.ledger.chain import Chain, Lap, genesis_entry
 from vrchain.ledger.closing import Closing
 from vrchain.ledger.database import (
     all_records,
-    checked_record,
+    check_schema,
     connect,
     find_transaction,
     insert_entry,
@@ -34,13 +33,13 @@ from vrchain.ledger.errors import (
 from vrchain.ledger.folder import create_folder
 from vrchain.ledger.keys import PublicKey, SigningKey
 from vrchain.ledger.membership import MAX_DROPPED, OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.place import BLOBS_NAME, Place
 from vrchain.ledger.proof import Proof
-from vrchain.ledger.resume import read_state, read_whole_entries
+from vrchain.ledger.resume import read_history, read_state, read_whole_entries
 from vrchain.ledger.retention import is_dropped, old_blobs, stored_to_keep
 from vrchain.ledger.transaction import Offer, Transaction, blob_digest
+from vrchain.ledger.turns import Turns
 from vrchain.ledger.validity import State
-
-BLOBS_NAME = "blobs"
 
 
 class Ledger(Closing):
@@ -55,10 +54,15 @@ class Ledger(Closing):
         """Use ``open`` or ``create``."""
         self.folder = folder
         self.writable = writable
-        self._blobs = BlobStore(folder / BLOBS_NAME)
+        self._wait_s = wait_s
+        self._blobs = BlobStore(folder.absolute() / BLOBS_NAME)
+        self._place = Place(folder)
         self._db = connect(folder, writable, wait_s)
         try:
             self._chain = Chain.at(read_state(self._db), self._find)
+            self._place.settle()
+            with storage_errors(f"queueing up for {folder}"):
+                self._turns = Turns(folder, writable)
         except BaseException:
             self._db.close()
             raise
@@ -91,13 +95,15 @@ class Ledger(Closing):
         """The ledger in ``folder``. A write waits up to ``wait_s`` for another process's.
 
         Only the head, the newest transactions and the operator's records are checked; ``verify``
-        checks everything.
+        checks everything. From then on the handle refuses with ReplacedError to refresh or to
+        write once another folder or file lies in the place of what it opened.
         Raises NotALedgerError, DamagedError, StorageError; creates nothing then.
         """
         return cls(Path(folder), writable, wait_s)
 
     def close(self) -> None:
         """Let go of the folder; closing twice does no harm."""
+        self._turns.close()
         self._db.close()
 
     @property
@@ -143,22 +149,10 @@ class Ledger(Closing):
         state = self._chain.state
         if robot not in state.newest and robot not in state.expelled:
             raise state.not_a_member(robot)
-        query = (
-            "SELECT id, record FROM records WHERE robot = ? AND height <= ? "
-            "ORDER BY height, position"
-        )
-        with storage_errors(f"reading the history of {robot}"):
-            rows = self._db.execute(query, (robot, self.head.height)).fetchall()
-        found = [checked_record(data, record_id) for record_id, data in rows]
-        transactions = [record for record in found if isinstance(record, Transaction)]
-        ends_well = robot in state.expelled or transactions[-1:] == [
-            last for last in [state.newest[robot]] if last
-        ]
-        numbers = [t.sequence for t in transactions if t.robot == robot]
-        linked = all(later.previous == t.id for t, later in pairwise(transactions))
-        if not ends_well or not linked or numbers != list(range(len(rows))):
+        found = read_history(self._db, robot, self.head.height)
+        if robot in state.newest and found[-1:] != [t for t in [state.newest[robot]] if t]:
             raise DamagedError(f"the history of {robot} is not whole; run verify")
-        return transactions
+        return found
 
     def transaction(self, transaction_id: bytes) -> Transaction:
         """The transaction with this id. NotFoundError, DamagedError."""
@@ -222,8 +216,11 @@ class Ledger(Closing):
     def refresh(self) -> int:
         """Take in what other processes appended, each block judged; how many there were.
 
-        Raises DamagedError when what is stored does not go on from what this handle saw.
+        Raises DamagedError when what is stored does not go on from what this handle saw, and
+        ReplacedError.
         """
+        self._place.check()
+        check_schema(self._db)
         head = self.head
         found = news(self._db, head.height)
         if found[:1] != [(head.height, head.hash)]:
@@ -399,14 +396,25 @@ class Ledger(Closing):
         """Hold the write lock, with everything that others wrote taken in."""
         if not self.writable:
             raise ReadOnlyError(f"{self.folder} was opened for reading; open it writable=True")
-        with storage_errors(f"waiting to write to {self.folder}"):
-            self._db.execute("BEGIN IMMEDIATE")
+        with self._turns.turn(self._wait_s) as has_come:
+            with storage_errors(f"waiting to write to {self.folder}"):
+                self._begin(self._wait_s if has_come else 0)
+            try:
+                self.refresh()
+                yield
+            finally:
+                if self._db.in_transaction:
+                    self._db.execute("ROLLBACK")
+
+    def _begin(self, wait_s: float) -> None:
+        """Take SQLite's write lock; the queue has used up the patience if ``wait_s`` is 0."""
+        if not wait_s:
+            self._db.execute("PRAGMA busy_timeout = 0")
         try:
-            self.refresh()
-            yield
+            self._db.execute("BEGIN IMMEDIATE")
         finally:
-            if self._db.in_transaction:
-                self._db.execute("ROLLBACK")
+            if not wait_s:
+                self._db.execute(f"PRAGMA busy_timeout = {int(self._wait_s * 1000)}")
 
     def _write(self, entry: Entry, blobs: Mapping[bytes, bytes]) -> None:
         """Blobs first, then the records that name them, then commit."""
@@ -424,5 +432,8 @@ class Ledger(Closing):
                 for blob in written:
                     self._blobs.remove(blob)
                 raise
-            # A commit that fails may yet be on disk after a crash, so its blobs stay.
+            # From here on blobs stay: another ledger's folder may be there, which needs them, or
+            # a commit that fails may yet be on disk after a crash.
+            self._place.check()
             self._db.execute("COMMIT")
+            self._place.check()  # or it is in a file that is gone, and must not be acknowledged

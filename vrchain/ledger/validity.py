@@ -188,7 +188,8 @@ def _check_link(block: Block, height: int, previous_hash: bytes, not_before_ns: 
 def _check_order(what: Block | Transaction, timestamp_ns: int, not_before_ns: int) -> None:
     if timestamp_ns < not_before_ns:
         raise TimeOrderError(
-            f"expected {what} to be no earlier than {not_before_ns} ns, got {timestamp_ns} ns"
+            f"expected {what} to be no earlier than {not_before_ns} ns, got {timestamp_ns} ns; set "
+            "its clock, or if the one before was ahead, expel the robot and enrol it anew"
         )
 
 

@@ -1,5 +1,6 @@
 """Verification of a whole ledger from disk, trusting nothing but the arithmetic."""
 
+import contextlib
 import os
 import sqlite3
 from collections.abc import Callable
@@ -9,13 +10,12 @@ from pathlib import Path
 from vrchain.errors import LedgerError
 from vrchain.ledger.blobs import BlobStore
 from vrchain.ledger.block import Entry
-from vrchain.ledger.database import connect, last_height, read_entries
+from vrchain.ledger.database import connect, last_height, oversized, read_entries
 from vrchain.ledger.durable import storage_errors
-from vrchain.ledger.errors import AccessError, DamagedError, NotALedgerError
-from vrchain.ledger.keys import DATABASE_NAME
+from vrchain.ledger.errors import AccessError, DamagedError, ReplacedError
 from vrchain.ledger.membership import Drop
+from vrchain.ledger.place import BLOBS_NAME, Place, database_in
 from vrchain.ledger.resume import first_unreadable
-from vrchain.ledger.store import BLOBS_NAME
 from vrchain.ledger.transaction import Transaction
 from vrchain.ledger.validity import State, start_or_follow
 
@@ -49,9 +49,10 @@ def verify(
     Raises NotALedgerError where no ledger is, AccessError where none may be read; every damage is
     a Verification, never raised.
     """
-    path = Path(folder)
-    if not (path / DATABASE_NAME).is_file():
-        raise NotALedgerError(f"expected a ledger's folder with a file {DATABASE_NAME}: {path}")
+    path = Path(folder).absolute()
+    place = Place(path)
+    with contextlib.suppress(DamagedError):  # that is for ``connect`` to say
+        database_in(path)
     try:
         db = connect(path, writable=False, wait_s=5.0)
     except AccessError:
@@ -59,7 +60,11 @@ def verify(
     except LedgerError as error:
         return Verification(False, 0, 0, str(error))
     try:
-        return _verify(db, BlobStore(path / BLOBS_NAME), expected_head, progress)
+        found = _verify(db, BlobStore(path / BLOBS_NAME), expected_head, progress)
+        place.settle()
+        return found
+    except ReplacedError as error:
+        return Verification(False, 0, None, str(error))
     finally:
         db.close()
 
@@ -77,6 +82,8 @@ def _verify(
     try:
         with storage_errors("reading the ledger"):
             db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
+        if (large := oversized(db)) is not None:
+            return Verification(False, 0, large, f"a record of block {large} is too big to be read")
         total = last_height(db) + 1
         for entry in read_entries(db, 0, max(total, 1)):
             state = start_or_follow(state, entry)
@@ -93,7 +100,7 @@ def _verify(
         reason = "the known head is not in the chain: its end was cut off or rewritten"
         return Verification(False, height, height, reason)
     try:
-        if _count(db, "height >= ?", height):
+        if _any(db, "height >= ?", height):
             reason = f"the tables hold rows of block {height} or later, which is not there"
             return Verification(False, height, height, reason)
         _check_rest(db)
@@ -132,16 +139,16 @@ class _Audit:
             self.missing.setdefault(blob, (height, str(error)))
 
 
-def _count(db: sqlite3.Connection, condition: str, height: int = 0) -> int:
-    """How many rows of blocks and of records meet a condition on their height."""
+def _any(db: sqlite3.Connection, condition: str, height: int = 0) -> bool:
+    """Whether a row of blocks or of records meets a condition on its height."""
     with storage_errors("checking the database"):
-        queries = [f"SELECT count(*) FROM {t} WHERE {condition}" for t in ("blocks", "records")]
-        return sum(db.execute(query, (height,)).fetchone()[0] for query in queries)
+        queries = [f"SELECT 1 FROM {t} WHERE {condition} LIMIT 1" for t in ("blocks", "records")]
+        return any(db.execute(query, (height,)).fetchone() for query in queries)
 
 
 def _check_rest(db: sqlite3.Connection) -> None:
     """No rows below those of the good blocks, and indexes that agree with the tables."""
-    if _count(db, "height < ?"):
+    if _any(db, "height < ?"):
         raise DamagedError("the tables hold rows that belong to no block")
     with storage_errors("checking the database"):
         found = db.execute("PRAGMA integrity_check(1)").fetchone()[0]

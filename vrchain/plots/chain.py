@@ -14,6 +14,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Ellipse, Patch, Polygon
 from numpy.typing import NDArray
 
+from vrchain.errors import MissionError
 from vrchain.experiments.sightings import Sightings
 from vrchain.geometry import Pose
 from vrchain.navigation.graph import LandmarkGraph
@@ -35,8 +36,14 @@ def chain_of(robots: Sequence[str], sightings: Sightings, goal: str | None) -> l
     """Robots and landmarks from the first robot to the goal: R1, shed, R2, ... barn.
 
     It ends where two neighbours have nothing in common, or with the last robot if that does not see
-    the goal.
+    the goal. Raises MissionError without robots, or for one of which no sightings are known.
     """
+    unknown = [robot for robot in robots if robot not in sightings.visible]
+    if not robots or unknown:
+        raise MissionError(
+            f"expected one or more robots of {', '.join(sightings.visible)}, got "
+            f"{', '.join(unknown) or 'none'}"
+        )
     chain = [robots[0]]
     for a, b in pairwise(robots):
         shared = sightings.common.get((a, b))
@@ -51,8 +58,9 @@ def chain_map(
 ) -> Figure:
     """The map: who stands where, what each sees, and the chain to the last of ``chain``.
 
-    chain: robots and landmarks in turn, as ``chain_of`` gives them.
+    chain: robots and landmarks in turn, as ``chain_of`` gives them. MissionError for none.
     """
+    _check_chain(chain)
     figure = Figure(figsize=(8.6, 8.8), layout="constrained")
     axes = figure.add_subplot()
     draw_ground(axes, scene)
@@ -95,8 +103,10 @@ def chain_map(
 def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]) -> Figure:
     """Robots in a row, common landmarks between them, each robot's other landmarks hanging on it.
 
-    A dashed one is seen by another robot too, but not the same side of it.
+    A dashed one is seen by another robot too, but not the same side of it. Raises MissionError
+    for an empty chain.
     """
+    _check_chain(chain)
     figure = Figure(figsize=(4.8 * len(robots) + 1.6, 5.4), layout="constrained")
     axes = figure.add_subplot()
     labels, goal = sightings.labels(), chain[-1]
@@ -169,6 +179,11 @@ def claimed(graph: LandmarkGraph, route: Route) -> tuple[list[str], Sightings, l
     visible[route.seen_by] += (goal,)
     chain = [name for leg in route.legs for name in (leg.seen_by, named[leg.node])]
     return robots, Sightings(visible, common), [*chain, route.seen_by, goal]
+
+
+def _check_chain(chain: Sequence[str]) -> None:
+    if not chain:
+        raise MissionError("expected a chain of robots and landmarks to draw, got an empty one")
 
 
 def _words(name: str) -> str:

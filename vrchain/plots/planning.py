@@ -5,65 +5,95 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vrchain.experiments.planning import METHODS, PROBABILITIES, PUBLISHED_SHARES, RULES
+from vrchain.experiments.planning import METHODS, PROBABILITIES, RULES
+from vrchain.experiments.published_drives import AS_PUBLISHED, PUBLISHED, TO_TARGET
 
+TEAMS_SHOWN = (10, 40, 90)
 _COLOURS = dict(zip(METHODS, ("#7a8694", "#c9a227", "#0072B2", "#D55E00", "#c2185b"), strict=True))
 _DASHED = METHODS[:2]  # without spares
 _RULES = {
-    "drive": "lost anew at each drive (published rule)",
-    "standing": "what is lost stays lost",
+    "drive": "lost anew at each drive,\n40 robots",
+    "standing": "what is lost stays lost,\n40 robots",
 }
 
 
-def planning_figure(shares: pd.DataFrame) -> Figure:
-    """Share that arrives over the probability of a loss; a row a rule, a column a drive more.
+def planning_figure(shares: pd.DataFrame, teams: pd.DataFrame) -> Figure:
+    """Share that arrives over the probability of a loss.
 
-    Open markers: the published shares, after one drive. Bars: 95 % interval of ours.
+    First row, of ``published_drives.by_team``: one drive, a column a size of team, beside the
+    published shares. Then, of ``planning.shares``: a row a rule, a column a drive more. Bars: 95 %
+    interval of ours.
     """
     drives = sorted(shares.drives.unique())[:3]
-    figure = Figure(figsize=(10.2, 6.8), layout="constrained")
-    panels = figure.subplots(len(RULES), len(drives), sharex=True, sharey=True)
-    for row, rule in zip(panels, RULES, strict=True):
+    figure = Figure(figsize=(10.2, 10.2), layout="constrained")
+    panels = figure.subplots(1 + len(RULES), len(drives), sharey=True)
+    for axes, robots in zip(panels[0], TEAMS_SHOWN, strict=True):
+        _published_panel(axes, teams[teams.robots == robots], robots)
+        axes.set_title(f"1 drive, {robots} robots", fontsize=10)
+    panels[0, -1].text(
+        0.97, 0.97, "above the line: many of these drives\ndid not end at the target",
+        transform=panels[0, -1].transAxes, ha="right", va="top", fontsize=8,
+        color=_COLOURS["shortened chain, robust"],
+    )  # fmt: skip
+    panels[0, 0].set_ylabel("share that arrives\nlost anew at each drive")
+    for row, rule in zip(panels[1:], RULES, strict=True):
         for axes, most in zip(row, drives, strict=True):
             _panel(axes, shares[(shares.rule == rule) & (shares.drives == most)])
             axes.set_title(f"{most} drive{'s' if most > 1 else ''}", fontsize=10)
         row[0].set_ylabel(f"share that arrives\n{_RULES[rule]}")
-    _one_drive_as_published(panels[0, 0])
     for axes in panels[-1]:
-        axes.set_xlabel("probability that a landmark is lost")
+        axes.set_xlabel("probability p that a landmark is lost")
     handles: dict[str, Artist] = {}
     for axes in (panels[0, 0], panels[-1, -1]):
         for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
             handles.setdefault(label, handle)
     figure.legend(
-        list(handles.values()), list(handles), loc="outside lower center", ncols=4, frameon=False
+        list(handles.values()), list(handles), loc="outside lower center", ncols=3, frameon=False
     )
-    figure.suptitle("40 robots, 400 landmarks: chains planned, driven, and planned again")
+    figure.suptitle(
+        "Chains planned and driven while landmarks get lost, and planned again\n"
+        "(lines that are not dotted: every path ends at the target)"
+    )
     return figure
+
+
+def _published_panel(axes: Axes, teams: pd.DataFrame, robots: int) -> None:
+    for method, published in PUBLISHED.items():
+        colour = _COLOURS[method]
+        axes.plot(
+            published.index, published[robots], "s", ms=4.5, mfc="none", color=colour,
+            label=f"{method}: published",
+        )  # fmt: skip
+        line = teams[(teams.rule == AS_PUBLISHED) & (teams.method == method)]
+        axes.plot(
+            line.p, line.arrives, ":", color=colour, label=f"{method}: as published, run here"
+        )
+    reached = teams[teams.rule == TO_TARGET]
+    for method in PUBLISHED:
+        _line(axes, reached, method)
+    _line(axes, reached, METHODS[-1])
+    p = sorted(reached.p)
+    axes.plot(
+        p, [1 - 100 * x / 101 for x in p], "-", color="black", lw=0.8, zorder=2,
+        label="most that a path to the target can reach",
+    )  # fmt: skip
+    axes.grid(alpha=0.3)
 
 
 def _panel(axes: Axes, shares: pd.DataFrame) -> None:
     for method in METHODS:
-        line = shares[shares.method == method].sort_values("p")
-        ours = method == METHODS[-1]
-        axes.plot(
-            line.p, line.arrives, marker="o", ls="--" if method in _DASHED else "-", ms=4,
-            lw=2.6 if ours else 1.4, color=_COLOURS[method], label=method, zorder=4 if ours else 3,
-        )  # fmt: skip
-        if ours:
-            axes.vlines(line.p, line.low, line.high, color=_COLOURS[method], lw=1.4, zorder=4)
+        _line(axes, shares, method, marker="o")
     axes.set_xticks(PROBABILITIES)
     axes.set_ylim(0, 1.03)
     axes.grid(alpha=0.3)
 
 
-def _one_drive_as_published(axes: Axes) -> None:
-    for method, line in PUBLISHED_SHARES.items():
-        axes.plot(
-            PROBABILITIES, line, "s", ms=8, mfc="none", mew=1.6, color=_COLOURS[method],
-            label=f"published: {method}", zorder=5,
-        )  # fmt: skip
+def _line(axes: Axes, shares: pd.DataFrame, method: str, marker: str = "") -> None:
+    line = shares[shares.method == method].sort_values("p")
+    ours = method == METHODS[-1]
     axes.plot(
-        PROBABILITIES, [1 - p for p in PROBABILITIES], ":", color="black", lw=1.2,
-        label="most that one drive allows: 1 - p", zorder=2,
+        line.p, line.arrives, marker=marker, ls="--" if method in _DASHED else "-", ms=4,
+        lw=2.6 if ours else 1.4, color=_COLOURS[method], label=method, zorder=4 if ours else 3,
     )  # fmt: skip
+    if ours:
+        axes.vlines(line.p, line.low, line.high, color=_COLOURS[method], lw=1.4, zorder=4)

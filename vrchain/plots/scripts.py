@@ -16,7 +16,7 @@ from vrchain.errors import VRChainError
 from vrchain.experiments.results import ADVERTISED, Results
 from vrchain.experiments.workers import each
 from vrchain.memory import keep_freed_memory
-from vrchain.paths import FIGURES
+from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
 
 TIMED = ("flood",)  # measures times when it is drawn, so it is drawn alone
@@ -89,9 +89,9 @@ def _draw(results: Results, folder: Path, scripts: Path, names: Sequence[str], n
 
 
 def run_figures(results: Results, folder: Path) -> str:
-    """The stage ``figures``: all of them, also beside their scripts."""
+    """The stage ``figures``: all of them, in a checkout also beside their scripts."""
     drawn = run_scripts(results, folder, jobs=None)
-    beside = results.profile.name in ADVERTISED
+    beside = results.profile.name in ADVERTISED and not INSTALLED
     if beside:
         for path in sorted(folder.iterdir()):
             shutil.copyfile(path, FIGURES / path.name)

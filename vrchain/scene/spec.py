@@ -11,6 +11,7 @@ from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 import yaml
 
 from vrchain.errors import SpecError
+from vrchain.paths import scene_file
 
 _Spec = TypeVar("_Spec")
 
@@ -144,7 +145,7 @@ _LEAST_AREA_M2 = {
 
 def load_spec(path: str | Path) -> SceneSpec:
     """Read a scene file. Raises SpecError, naming the file and the key, on anything amiss."""
-    path = Path(path)
+    path = scene_file(path)
     if path.is_dir():
         raise SpecError(f"{path} is a folder: give a scene file such as scenes/suburb.yaml")
     try:

@@ -24,7 +24,7 @@ from tqdm.auto import tqdm
 
 from vrchain.files import name_of, write_file
 from vrchain.landmarks.backbone import load_backbone
-from vrchain.landmarks.network import Network
+from vrchain.landmarks.network import Network, learning_precision
 from vrchain.landmarks.proposer import BEARING_UNIT_RAD, EMBEDDED
 from vrchain.landmarks.training.examples import (
     ExampleConfig,
@@ -87,7 +87,7 @@ def learn(config: TrainConfig, folder: Path) -> tuple[Network, list[dict[str, An
         further = step >= config.steps
         draws = generator(config.seed, "parts", step) if further else None
         for pictures, targets, spots in batch:
-            with network.precision():
+            with learning_precision():
                 answers = network(pictures)
             embedded = landmark_embeddings(answers, targets, network.centre, draws)
             parts = losses(answers, targets, embedded, strangers)
@@ -235,7 +235,7 @@ def metrics(network: Network, held_out: list[Examples]) -> dict[str, float]:
             pictures, targets, spots = _group(
                 suburb, int(group), spots=generator(0, "watched", int(group))
             )
-            with torch.inference_mode(), network.precision():
+            with torch.inference_mode(), learning_precision():
                 answers = network(pictures)
             embedding, ids, panorama = landmark_embeddings(answers, targets)
             of_these, in_all = spots_right(answers["local"], spots)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from vrchain import seeding
 from vrchain.errors import SpecError, UnsupportedWarning
+from vrchain.paths import scene_file
 from vrchain.scene import backdrop, light
 from vrchain.scene.gazebo import ground
 from vrchain.scene.gazebo.designs import Design, Designs, unique
@@ -41,7 +42,7 @@ def load_world(path: str | Path) -> Scene:
     What is not supported is told by one UnsupportedWarning. Raises SpecError, with the file and
     the line or element, on anything amiss.
     """
-    path = Path(path)
+    path = scene_file(path)
     if not is_file(path):
         what = "is a folder" if path.is_dir() else "is not there"
         raise SpecError(f"{path} {what}: give a world file ({' or '.join(SUFFIXES)})")
