@@ -7,6 +7,7 @@ import json
 import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -176,6 +177,7 @@ STAGES: dict[str, Stage] = {
     "landmarks": run_landmarks,
     "mission": run_mission,
 }
+AT_ONCE = ("survey", "mission")  # neither needs the other's results, or measures times
 NEEDS = {
     "update": ("survey",),
     "retrieval": ("survey", "update"),
@@ -198,10 +200,12 @@ def reproduce(
     names: Sequence[str] = (),
     stages: dict[str, Stage] = STAGES,
     tell: Callable[[str], object] = print,
+    jobs: int | None = 1,
 ) -> None:
     """Run the named stages (all, if none is named) in their order, telling of each in one line.
 
     Results that a stage goes on from are taken as they are; it is told if other code made them.
+    jobs: processes for stages that can run at once, see ``workers.each``.
     ReproductionError, before anything is run, if there is no such stage, if a library that a stage
     needs is not installed, or if what it needs is neither there nor about to be made.
     """
@@ -220,12 +224,28 @@ def reproduce(
     for stage in chosen:
         require(*LIBRARIES.get(stage, ()), what=f"the stage {stage}", error=ReproductionError)
     tell_of_other_code(results, [stage for stage in stages if stage in needed], tell)
-    for stage in chosen:
-        start = perf_counter()
-        with output_folder(results.folder / stage, MARKER) as folder:
-            said = stages[stage](results, folder)
-            (folder / MARKER).write_text(results.marker(stage))
-        tell(f"{stage:10} {said} ({perf_counter() - start:.1f} s)")
+    at_once = [stage for stage in chosen if stage in AT_ONCE]
+    others = [[stage] for stage in chosen if stage not in AT_ONCE]
+    said: dict[str, str] = {}
+    for group in [at_once, *others] if at_once else others:
+        with ExitStack() as opened:  # here, so that a process that is ended leaves nothing
+            folders = [
+                opened.enter_context(output_folder(results.folder / stage, MARKER))
+                for stage in group
+            ]
+            work = partial(_run, results, [stages[stage] for stage in group], folders)
+            lines = each(work, range(len(group)), jobs, "stages")
+            for stage, folder, line in zip(group, folders, lines, strict=True):
+                (folder / MARKER).write_text(results.marker(stage))
+                said[stage] = f"{stage:10} {line}"
+        while chosen and chosen[0] in said:
+            tell(said[chosen.pop(0)])
+
+
+def _run(results: Results, stages: Sequence[Stage], folders: Sequence[Path], number: int) -> str:
+    start = perf_counter()
+    said = stages[number](results, folders[number])
+    return f"{said} ({perf_counter() - start:.1f} s)"
 
 
 def tell_of_other_code(

@@ -25,12 +25,15 @@ def each(
 ) -> list[Found]:
     """What ``work`` finds of every number, in their order; one job does it in this process.
 
-    jobs: by default as many as there are cores, at most four. Broken off, or when one fails, all
-    are ended at once.
+    jobs: by default as many as there are cores, at most four; one in a process that is itself one
+    of these. Broken off, or when one fails, all are ended at once.
     """
+    if parent_process() is not None:
+        jobs = 1
+    hidden = True if len(numbers) == 1 else None  # None: shown on a terminal
     jobs = min(jobs or min(os.cpu_count() or 1, MOST), len(numbers))
     if jobs <= 1:
-        return [work(number) for number in tqdm(numbers, desc=what, unit="", disable=None)]
+        return [work(number) for number in tqdm(numbers, desc=what, unit="", disable=hidden)]
     # a new process each: what draws and learns must not be forked
     context = get_context("spawn")
     with (
@@ -42,7 +45,7 @@ def each(
         try:
             begun = [pool.submit(work, number) for number in numbers]
             for done in tqdm(
-                as_completed(begun), desc=what, unit="", total=len(begun), disable=None
+                as_completed(begun), desc=what, unit="", total=len(begun), disable=hidden
             ):
                 done.result()
             return [done.result() for done in begun]
