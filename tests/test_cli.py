@@ -110,6 +110,20 @@ def image(tmp_path: Path) -> Path:
 # Bad input: one line, and nothing written.
 
 
+def test_pictures_that_are_compared_are_not_written_over(
+    image: Path, tmp_path: Path, refused: Refused
+) -> None:
+    before = everything(tmp_path)
+    (tmp_path / "link.png").symlink_to(image)
+    assert "one of the pictures" in refused("landmarks", image, image, "-o", image)
+    assert "plain file" in refused("landmarks", image, image, "-o", tmp_path / "link.png")
+    assert "ends in .png" in refused("landmarks", image, image, "-o", tmp_path / "out.jpg")
+    for name in ("none", ":", "os:path", "..up:side"):
+        assert "cnn+sift, no spots" in refused("landmarks", image, image, "--variant", name)
+    (tmp_path / "link.png").unlink()
+    assert everything(tmp_path) == before
+
+
 def test_an_unknown_scene_key(tmp_path: Path, refused: Refused) -> None:
     spec = tmp_path / "scene.yaml"
     spec.write_text(SUBURB.read_text() + "\nrivers:\n  count: 2\n")
@@ -182,7 +196,6 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
     assert "'castle'" in refused("navigate", BARN, "--goal", "castle", "-o", out)
     assert "expected one of R1, R2, R3" in refused("navigate", BARN, "--robot", "R7", "-o", out)
     assert "of its own" in refused("navigate", BARN, "--robots", 2, "-o", out)
-    assert "2 to 20 robots" in refused("navigate", CROSSING, "--robots", 1, "-o", out)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -191,7 +204,12 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
     [
         (("fly",), "fly"),
         (("panorama",), "Missing"),
-        (("panorama", SUBURB, "--at", "1", "2", "-o", "out"), "--at"),
+        (
+            ("panorama", SUBURB, "--at", "1", "2", "-o", "out"),
+            "got '-o': expected --at X Y YAW_DEG",
+        ),
+        (("panorama", "-o", "out", SUBURB, "--at", "1", "2"), "3 arguments: expected --at X Y YAW"),
+        (("evaluate", "landmarks", "--spacing", "5"), "2 arguments: expected --spacing MIN MAX"),
         (("reproduce", "--profile", "huge"), "quick, paper"),
         (("reproduce", "--only", "surveys"), "survey, update, retrieval, landmarks, mission"),
         (("reproduce", "survey"), "--only"),
@@ -199,13 +217,12 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("scene", "export", SUBURB, "-o", "scene.obj"), ".glb"),
         (("scene", "export", CROSSING, "-o", "again.world"), "write it as .glb"),
         (("bench", "render", "none.yaml"), "none.yaml"),
-        (("bench", "render", "--positions", "0"), "1 position"),
-        (("bench", "ledger", "--positions", "0"), "1 position"),
+        (("bench", "ledger", "--positions", "0"), "equal to 1, got '0'"),
         (("bench", "distinct", SUBURB, "--spacing", "-3"), "above 0 m"),
         (("bench", "distinct", SUBURB, "--layer", "first"), "middle"),
-        (("bench", "flood", "--rounds", "0"), "1 round"),
         (("bench", "flood", "--kind", "rain"), "a flood of valid"),
-        (("bench", "codec", SUBURB, "--pairs", "0"), "1 pair"),
+        (("train", "-o", "/proc/weights.pt"), "cannot write"),
+        (("figures", "-o", "/proc/new"), "cannot write"),
     ],
 )
 def test_wrong_use(
@@ -213,6 +230,113 @@ def test_wrong_use(
 ) -> None:
     assert word in refused(*arguments, cwd=tmp_path)
     assert list(tmp_path.iterdir()) == []
+
+
+COUNTS = [  # command, option, least, most
+    ("navigate {} -o out", "--robots", 2, 20),
+    ("evaluate navigation {}", "--robots", 2, 20),
+    ("evaluate navigation {}", "--missions", 1, None),
+    ("evaluate navigation {}", "--landmarks", 0, None),
+    ("evaluate landmarks {}", "--pairs", 1, None),
+    ("evaluate strangers {}", "--pairs", 1, None),
+    ("evaluate search {}", "--panoramas", 1, None),
+    ("evaluate search {}", "--goals", 1, None),
+    ("evaluate search {}", "--by-sift", 0, None),
+    ("evaluate search {}", "--suburbs", 1, None),
+    ("evaluate homing {}", "--places", 1, None),
+    ("evaluate homing-trials {}", "--trials", 1, None),
+    ("evaluate homing-trials {}", "--seed", 1000, 1999),
+    ("evaluate goals {}", "--goals", 1, None),
+    ("bench render {}", "--positions", 1, None),
+    ("bench landmarks {}", "--positions", 1, None),
+    ("bench distinct {}", "--pairs", 1, None),
+    ("bench codec {}", "--pairs", 1, None),
+    ("bench planner", "--tasks", 1, None),
+    ("bench planner", "--worlds", 1, None),
+    ("bench flood", "--rounds", 1, None),
+    ("bench flood", "--robots", 1, None),
+]
+SEEDED = ["navigate {} -o out"] + [
+    f"{group} {name}"
+    for group, names in {
+        "evaluate": "landmarks strangers search homing navigation goals",
+        "bench": "render landmarks distinct codec planner flood ledger",
+    }.items()
+    for name in names.split()
+]
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "least", "most"),
+    [*COUNTS, *((command, "--seed", 0, None) for command in SEEDED)],
+)
+def test_a_number_out_of_bounds_is_refused_before_a_scene_is_built(
+    command: str, option: str, least: int, most: int | None, tmp_path: Path, refused: Refused
+) -> None:
+    began, arguments = time.monotonic(), command.format(SUBURB).split()
+    for number in [least - 1, -7, *([] if most is None else [most + 1])]:
+        said = refused(*arguments, option, number, cwd=tmp_path)
+        assert option in said and f"got '{number}'" in said
+    assert time.monotonic() - began < 5
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("arguments", "word"),
+    [
+        (("panorama", "--at", 300, 0, 0, "-o", "out"), "off the map"),
+        (("panorama", "--at", 0, 0, "inf", "-o", "out"), "finite"),
+        (("panorama", "--at", 10, 0, 0, "-o", "/proc/new"), "cannot write"),
+        (("navigate", "--robot", "R9", "-o", "out"), "expected one of R1, R2, R3"),
+        (("navigate", "-o", "/proc/new"), "cannot write"),
+        (("scene map", "-o", "map.txt"), "ends in .png"),
+        (("scene map", "-o", "link.png"), "expected a plain file"),
+        (("scene map", "-o", "/proc/new.png"), "cannot write"),
+        (("scene export", "-o", "/proc/new.glb"), "cannot write"),
+        (("scene export", "-o", "/proc/new.world"), "cannot write"),
+        (("evaluate landmarks", "-o", "/proc/new"), "cannot write"),
+        (("evaluate strangers", "-o", "link.png"), "link.png"),
+        (("evaluate search", "-o", "/proc/new"), "cannot write"),
+        (("evaluate homing", "-o", "/proc/new"), "cannot write"),
+        (("evaluate navigation", "-o", "/proc/new"), "cannot write"),
+        (("evaluate goals", "-o", "/proc/new"), "cannot write"),
+        (("evaluate landmarks", "--variant", "none"), "cnn+sift, no spots"),
+        (("evaluate strangers", "--variant", ".up:side"), "cnn+sift, no spots"),
+    ],
+)
+def test_what_needs_no_scene_is_refused_before_one_is_built(
+    arguments: tuple[object, ...],
+    word: str,
+    tmp_path: Path,
+    refused: Refused,
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def built(*_: object, **__: object) -> None:
+        raise AssertionError("a scene is built")
+
+    for module in ("vrchain.scene.suburb", "vrchain.experiments.scenes"):
+        monkeypatch.setattr(f"{module}.build_scene", built)
+    (tmp_path / "link.png").symlink_to("nowhere")
+    command, *rest = arguments
+    assert word in refused(*str(command).split(), SUBURB, *rest, cwd=tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["link.png"]
+
+
+def test_nothing_asked_for_is_help(here: Here) -> None:
+    for command in ((), ("scene",), ("evaluate",), ("bench",)):
+        done = here(*command)
+        assert (done.returncode, done.stderr) == (0, "") and "Usage" in done.stdout
+
+
+def test_a_reader_that_has_seen_enough_ends_it_quietly() -> None:
+    command = [*COMMAND, "scene", "info", str(CROSSING)]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, env=ENVIRONMENT
+    ) as process:
+        assert process.stdout and process.stderr
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode != 0
 
 
 @pytest.fixture
@@ -308,16 +432,18 @@ def test_scene_map(here: Here, tmp_path: Path) -> None:
 def test_landmarks_of_two_pictures(image: Path, tmp_path: Path) -> None:
     shifted = tmp_path / "given" / "shifted.png"
     cv2.imwrite(str(shifted), np.roll(cv2.imread(str(image)), 40, axis=1))
-    found = answer("landmarks", image, shifted, "-o", tmp_path / "out.png")["common_landmarks"]
-    assert found
+    told = answer("landmarks", image, shifted, "-o", tmp_path / "out.png")
+    found = told["common_landmarks"]
+    assert found and told["relative_pose"] is None
     for claim in found:
         assert set(claim) == {"score", "a", "b"}
         assert 0 <= claim["score"] <= 1
         for region in (claim["a"], claim["b"]):
-            assert set(region) == {"view", "box_px", "bearing_rad", "angular_size_rad"}
+            assert set(region) == {"view", "box_px", "bearing_rad", "angular_size_rad", "range_m"}
             x0, y0, x1, y1 = region["box_px"]
             assert 0 <= x0 < x1 <= 640 and 0 <= y0 < y1 <= 480
-            assert region["bearing_rad"] is None  # a photograph's camera is not known
+            # a photograph's camera is not known
+            assert region["bearing_rad"] is region["range_m"] is None
     assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
 
 
@@ -325,12 +451,24 @@ def test_landmarks_of_two_panoramas(here: Here, tmp_path: Path) -> None:
     for name, x_m in (("a", 0), ("b", 3)):
         good(here("panorama", BARN, "--at", x_m, -12, 0, "-o", tmp_path / name))
     done = good(here("landmarks", tmp_path / "a", tmp_path / "b", "--json"))
-    found = json.loads(done.stdout)["common_landmarks"]
+    told = json.loads(done.stdout)
+    pose, found = told["relative_pose"], told["common_landmarks"]
+    assert set(pose) == {"direction_rad", "heading_rad", "distance_m", "chance"}
+    assert abs(pose["direction_rad"]) < 0.1 and abs(pose["heading_rad"]) < 0.05
+    assert 2 < pose["distance_m"] < 4.5 and 0.5 <= pose["chance"] <= 1
     scores = [claim["score"] for claim in found]
     assert scores and scores == sorted(scores, reverse=True)
     regions = [claim[side] for claim in found for side in ("a", "b")]
     assert all(-np.pi <= region["bearing_rad"] < np.pi for region in regions)
     assert all(0 <= region["view"] < 8 for region in regions)
+    ranges_m = [region["range_m"] for region in regions if region["range_m"] is not None]
+    assert len(ranges_m) > len(regions) / 2 and all(0 < r < 100 for r in ranges_m)
+    done = good(here("landmarks", tmp_path / "a", tmp_path / "b", "--variant", "cnn"))
+    assert "not for use" in done.stderr and "\nB from A: " in done.stdout
+    (tmp_path / "a").rename(tmp_path / "far")
+    good(here("panorama", CROSSING, "--at", 10, 0, 0, "-o", tmp_path / "a"))
+    done = good(here("landmarks", tmp_path / "a", tmp_path / "b", "--json"))
+    assert json.loads(done.stdout) == {"common_landmarks": [], "relative_pose": None}
 
 
 def test_ledger_verify(tmp_path: Path) -> None:

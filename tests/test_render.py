@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import worlds
 
-from vrchain.errors import RenderError
+from vrchain.errors import PoseError, RenderError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
@@ -107,6 +107,23 @@ def test_the_joined_cylinder_has_no_seam() -> None:
     seams = np.flatnonzero(owner != np.roll(owner, 1))
     assert len(seams) == 8
     assert step[[0, *seams]].max() <= np.quantile(step, 0.995)
+
+
+@pytest.mark.parametrize(
+    ("pose", "words"),
+    [
+        (Pose(4.0, 0.0), "'box'"),
+        (Pose(1000.0, 0.0), "off the map"),
+        (Pose(0.0, float("nan")), "finite"),
+        (Pose(0.0, 0.0, 90.0), "np.radians"),
+    ],
+)
+def test_nothing_is_drawn_from_where_no_robot_can_stand(pose: Pose, words: str) -> None:
+    box = worlds.box("box", (4, 0), (2, 2, 2), worlds.plain(worlds.RED))
+    renderer = Renderer(worlds.world(box))
+    for draw in (renderer.render, renderer.segmentation):
+        with pytest.raises(PoseError, match=words):
+            draw(pose, worlds.SMALL_RIG)
 
 
 def test_drawing_twice_gives_the_same_bytes() -> None:

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,6 +13,7 @@ from vrchain.landmarks.common import (
     CommonLandmark,
     Comparison,
     MatchConfig,
+    Region,
     check_not_blank,
     common_landmarks,
     compare,
@@ -19,6 +21,7 @@ from vrchain.landmarks.common import (
     panorama_region,
     support_score,
 )
+from vrchain.landmarks.epipolar import PlanarGeometry
 from vrchain.landmarks.quality import judge
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
@@ -115,6 +118,25 @@ def test_ranges_are_true_in_baselines(a: Pose, b: Pose) -> None:
             off.append(abs(found / true - 1))
     assert np.median(off) < 0.03
     assert np.quantile(off, 0.9) < 0.15
+
+
+def test_ranges_in_metres_are_told_where_the_way_between_is() -> None:
+    pose = PlanarGeometry(0.0, 0.0, np.ones(9, dtype=bool), 0.0, 3.0)
+    none = np.empty(0, dtype=np.int64)
+    region = Region(0, (0.0, 0.0, 9.0, 9.0), 0.0, 0.1)
+    near, far, untold = (
+        CommonLandmark(0.9, region, region, none, none, ranges)
+        for ranges in ((2.0, 1.5), (2.0, 40.0), None)
+    )
+    found, nothing = Comparison((near, far, untold), pose), Comparison((), pose)
+    assert found.relative_pose is pose and nothing.relative_pose is None
+    assert found.distance_m(RIG) == pytest.approx(3.0 * RIG.camera_height_m)
+    assert nothing.distance_m(RIG) is None
+    assert found.ranges_m(near, RIG) == pytest.approx((6.0, 4.5))
+    assert found.ranges_m(far, RIG) is found.ranges_m(untold, RIG) is None
+    for heights in (0.4, np.nan):  # at one place; no ground was matched
+        unsure = Comparison((near,), replace(pose, baseline_heights=heights))
+        assert unsure.ranges_m(near, RIG) is None
 
 
 @pytest.mark.parametrize(("a", "b"), PAIRS)

@@ -85,7 +85,9 @@ def test_two_robots_agree_on_what_they_see_and_where_they_stand(
 def test_panoramas_that_were_hardly_joined_rightly_have_nothing_in_common() -> None:
     sure, unsure = (compare_joint(*records(), JointConfig(min_joined=p)) for p in (0.3, 1.0))
     assert sure.common and not unsure.common
-    assert unsure.geometry is not None
+    assert unsure.geometry is not None and unsure.relative_pose is None
+    assert sure.relative_pose is sure.geometry and sure.chance == unsure.chance
+    assert sure.chance is not None and 0.3 <= sure.chance < 1
 
 
 def test_no_landmark_is_claimed_in_pieces() -> None:

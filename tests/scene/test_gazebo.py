@@ -507,6 +507,7 @@ def test_two_planes_that_are_one_models_ground_do_not_cover_each_other(tmp_path:
 @pytest.mark.parametrize("z_m", [0.01, -0.5])
 def test_shadows_fall_on_ground_at_any_height(tmp_path: Path, z_m: float) -> None:
     block = model(visual(box("4 4 6")), pose=f"0 0 {3 + z_m} 0 0 0", name="a")
+    block += model(visual(box("1 1 1")), pose=f"20 0 {z_m} 0 0 0", name="far")  # widens the map
 
     def drawn(ground_m: float) -> np.ndarray:
         body = gz.SUN + plane("ground", 100, ground_m)

@@ -65,6 +65,8 @@ def test_clearance_is_the_distance_to_the_nearest_solid() -> None:
         (Pose(0.0, -10.5), "off the map"),
         (Pose(float("nan"), 0.0), "finite"),
         (Pose(0.0, 0.0, float("inf")), "finite"),
+        (Pose(0.0, 0.0, 90.0), "np.radians"),
+        (Pose(0.0, 0.0, -45.0), "np.radians"),
     ],
 )
 def test_a_pose_where_no_robot_can_stand_is_refused_with_the_reason(pose: Pose, words: str) -> None:

@@ -6,8 +6,9 @@ Exit status 0, or not 0 with one line that says what was expected, what came, ho
 import signal
 import sys
 import warnings
+from collections.abc import Iterator
 from types import FrameType
-from typing import TextIO
+from typing import Any, TextIO
 
 import typer
 
@@ -59,7 +60,8 @@ def main() -> None:
         if not interrupts:
             status = _fail(" ".join(str(error).split()), 1)
     except typer.TyperException as error:
-        status = _fail(f"{error.format_message()} (see `vrchain --help`)", 2)
+        told = _told(error)  # nothing where help was asked for by saying nothing
+        status = _fail(f"{told} (see `vrchain --help`)", 2) if told else 0
     except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
         sys.stderr.close()
         status = 141
@@ -69,6 +71,27 @@ def main() -> None:
     if interrupts:
         status = _fail("interrupted: nothing half-written is left", 128 + interrupts[0])
     sys.exit(status)
+
+
+def _told(error: typer.TyperException) -> str:
+    """What was wrong, what came, and what an option of more than one value takes."""
+    told = error.format_message()
+    if refused := getattr(error.__cause__, "errors", None):
+        told += f", got {refused()[0]['input']!r}"
+    about = {
+        getattr(error, "option_name", None),
+        *getattr(getattr(error, "param", None), "opts", ()),
+    }
+    for option in _options(typer.main.get_command(app)):
+        if option.nargs > 1 and about & {*option.opts}:
+            return f"{told.removesuffix('.')}: expected {option.opts[0]} {option.metavar}"
+    return told
+
+
+def _options(command: Any) -> Iterator[Any]:
+    yield from command.params
+    for below in getattr(command, "commands", {}).values():
+        yield from _options(below)
 
 
 def _warn(

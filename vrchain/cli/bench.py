@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from vrchain.cli.options import Json
 from vrchain.paths import BUILD, SCENES
 
 if TYPE_CHECKING:
@@ -19,14 +20,13 @@ Spec = Annotated[
         metavar="[SPEC]", help="A scene file or Gazebo world.", show_default="scenes/suburb.yaml"
     ),
 ]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
-Seed = Annotated[int, typer.Option(help="Of the poses that are drawn.")]
+Seed = Annotated[int, typer.Option(min=0, help="Of the poses that are drawn.")]
 
 
 @app.command()
 def render(
     spec: Spec = SCENES / "suburb.yaml",
-    positions: Annotated[int, typer.Option(help="Poses to draw at.")] = 15,
+    positions: Annotated[int, typer.Option(min=1, help="Poses to draw at.")] = 15,
     seed: Seed = 3000,
     as_json: Json = False,
 ) -> None:
@@ -47,7 +47,7 @@ def render(
 @app.command()
 def landmarks(
     spec: Spec = SCENES / "suburb.yaml",
-    positions: Annotated[int, typer.Option(help="Panoramas, and pairs of them.")] = 15,
+    positions: Annotated[int, typer.Option(min=1, help="Panoramas, and pairs of them.")] = 15,
     seed: Seed = 3000,
     as_json: Json = False,
 ) -> None:
@@ -95,7 +95,7 @@ def distinct(
     spacing: Annotated[
         list[float] | None, typer.Option(metavar="M", help="Metres; give one for each.")
     ] = None,
-    pairs: Annotated[int, typer.Option(help="Pairs of poses at each spacing.")] = 30,
+    pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses at each spacing.")] = 30,
     layer: Annotated[
         Literal["middle", "last"], typer.Option(help="Of the network: whose features.")
     ] = "middle",
@@ -124,8 +124,8 @@ def distinct(
 @app.command()
 def codec(
     spec: Spec = SCENES / "suburb.yaml",
-    pairs: Annotated[int, typer.Option(help="Pairs of poses, ten a suburb.")] = 24,
-    seed: Annotated[int, typer.Option(help="Of the first suburb and its poses.")] = 1000,
+    pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten a suburb.")] = 24,
+    seed: Annotated[int, typer.Option(min=0, help="Of the first suburb and its poses.")] = 1000,
     as_json: Json = False,
 ) -> None:
     """Compare image codecs for panoramas: bytes against the common landmarks that SIFT still finds.
@@ -144,9 +144,11 @@ def codec(
 
 @app.command()
 def planner(
-    tasks: Annotated[int, typer.Option(help="Chains to plan in worlds of each size.")] = 200,
-    worlds: Annotated[int, typer.Option(help="Random worlds in which segments are lost.")] = 20,
-    seed: Annotated[int, typer.Option(help="Of worlds, tasks and what is lost.")] = 3000,
+    tasks: Annotated[int, typer.Option(min=1, help="Chains to plan in worlds of each size.")] = 200,
+    worlds: Annotated[
+        int, typer.Option(min=1, help="Random worlds in which segments are lost.")
+    ] = 20,
+    seed: Annotated[int, typer.Option(min=0, help="Of worlds, tasks and what is lost.")] = 3000,
     as_json: Json = False,
 ) -> None:
     """Time the planner beside breadth-first search and shortened chains, and drive what they plan.
@@ -184,13 +186,13 @@ def planner(
 
 @app.command()
 def flood(
-    rounds: Annotated[int, typer.Option(help="Phases of each flood, and quiet ones.")] = 10,
-    robots: Annotated[int, typer.Option(help="Honest ones that work meanwhile.")] = 8,
+    rounds: Annotated[int, typer.Option(min=1, help="Phases of each flood, and quiet ones.")] = 10,
+    robots: Annotated[int, typer.Option(min=1, help="Honest ones that work meanwhile.")] = 8,
     phase: Annotated[float, typer.Option(metavar="S", help="Seconds of a phase.")] = 3.0,
     kind: Annotated[
         list[str] | None, typer.Option(metavar="FLOOD", help="All, unless given; one for each.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of when the robots publish, and what.")] = 3000,
+    seed: Annotated[int, typer.Option(min=0, help="Of when the robots publish, and what.")] = 3000,
     as_json: Json = False,
 ) -> None:
     """Flood a robot that takes in transactions, while others work; their latency, quiet beside.
@@ -216,13 +218,15 @@ def flood(
 def ledger(
     positions: Annotated[
         list[int] | None,
-        typer.Option(metavar="N", help="In a ledger; give one for each [40 200 500 10000 100000]."),
+        typer.Option(
+            min=1, metavar="N", help="In a ledger; give one for each [40 200 500 10000 100000]."
+        ),
     ] = None,
     folder: Annotated[
         Path, typer.Option(help="On the disk to measure; a new folder in it, for a while.")
     ] = BUILD,
     rounds: Annotated[int, typer.Option(min=3, help="Updates that are timed on top.")] = 100,
-    seed: Annotated[int, typer.Option(help="Of payloads, keys and the order of turns.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of payloads, keys and the order of turns.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Time updates, retrieval and verification beside what hashing, signing and the disk allow.

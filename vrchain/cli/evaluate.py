@@ -6,7 +6,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from vrchain.cli.options import Json
 from vrchain.errors import MissionError
+from vrchain.files import check_output_file
 from vrchain.paths import BUILD, SCENES
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ Spec = Annotated[
         show_default=_BY_DEFAULT,
     ),
 ]
-Seed = Annotated[int, typer.Option(help="Of suburbs and poses; 2,000 or more.")]
+Seed = Annotated[int, typer.Option(min=0, help="Of suburbs and poses; 2,000 or more.")]
 AllowTrainingSeeds = Annotated[
     bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
 ]
@@ -37,13 +39,12 @@ Jobs = Annotated[
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
 ]
-AsJson = Annotated[bool, typer.Option("--json", help="One JSON object, not text.")]
 
 
 @app.command()
 def landmarks(
     spec: Spec = SUBURB,
-    pairs: Annotated[int, typer.Option(help="Pairs of poses, ten in each suburb.")] = 40,
+    pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten in each suburb.")] = 40,
     spacing: Annotated[
         tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
     ] = (1.0, 20.0),
@@ -53,7 +54,7 @@ def landmarks(
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Find common landmarks of random pairs of panoramas by every variant, and judge them.
 
@@ -66,7 +67,7 @@ def landmarks(
     _check_seed(seed, allow_training_seeds)
     found = evaluation.evaluate(
         scenes_of(spec), pairs, spacing, [evaluation.row(v) for v in variant or evaluation.ROWS],
-        seed=seed, folder=output or BUILD / "evaluate" / "landmarks",
+        seed=seed, folder=_kept(output, "landmarks"),
     )  # fmt: skip
     summary = summarise(*found)
     if as_json:
@@ -86,7 +87,7 @@ def strangers(
         ),
     ] = SUBURB,
     pairs: Annotated[
-        int, typer.Option(help="Half within one suburb, half across two; 1000 to report.")
+        int, typer.Option(min=1, help="Half within one suburb, half across two; 1000 to report.")
     ] = 40,
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; the default.")
@@ -94,7 +95,7 @@ def strangers(
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Compare panoramas that have nothing in common: the share with any claim, by variant.
 
@@ -108,7 +109,7 @@ def strangers(
     _check_seed(seed, allow_training_seeds)
     found = evaluation.strangers(
         scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed,
-        folder=output or BUILD / "evaluate" / "strangers",
+        folder=_kept(output, "strangers"),
     )  # fmt: skip
     table = evaluation.accused(found)
     if not as_json:
@@ -122,7 +123,7 @@ def photographs(
     folders: Annotated[
         list[Path] | None, typer.Argument(metavar="[FOLDER]...", help="Each of one place.")
     ] = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Count the pairs of photographs with a claim: of one place, and of two. Plain SIFT beside.
 
@@ -137,14 +138,14 @@ def photographs(
 @app.command()
 def search(
     spec: Spec = SUBURB,
-    panoramas: Annotated[int, typer.Option(help="In each suburb.")] = 500,
-    goals: Annotated[int, typer.Option(help="Looked up in each suburb.")] = 20,
-    by_sift: Annotated[int, typer.Option(help="Of the goals, looked up by SIFT too.")] = 2,
-    suburbs: Annotated[int, typer.Option(help="How many; a world is one.")] = 1,
+    panoramas: Annotated[int, typer.Option(min=1, help="In each suburb.")] = 500,
+    goals: Annotated[int, typer.Option(min=1, help="Looked up in each suburb.")] = 20,
+    by_sift: Annotated[int, typer.Option(min=0, help="Of the goals, looked up by SIFT too.")] = 2,
+    suburbs: Annotated[int, typer.Option(min=1, help="How many; a world is one.")] = 1,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Ask hundreds of panoramas who sees a goal, by their records and by SIFT over all of them.
 
@@ -156,7 +157,7 @@ def search(
     _check_seed(seed, allow_training_seeds)
     found = experiment.evaluate(
         scenes_of(spec), suburbs, experiment.SearchConfig(panoramas, goals, by_sift), seed=seed,
-        folder=output or BUILD / "evaluate" / "search",
+        folder=_kept(output, "search"),
     )  # fmt: skip
     summary = experiment.summarise(found)
     if as_json:
@@ -177,17 +178,19 @@ def _rounded(value: float | list[float] | None) -> float | list[float] | str:
 @app.command()
 def homing(
     spec: Spec = SUBURB,
-    places: Annotated[int, typer.Option(help="To home to, two in each suburb; 20 to report.")] = 2,
+    places: Annotated[
+        int, typer.Option(min=1, help="To home to, two in each suburb; 20 to report.")
+    ] = 2,
     method: Annotated[
         list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
     ] = None,
     seed: Annotated[
-        int, typer.Option(help="Of suburbs, places and headings; 2,000 or more.")
+        int, typer.Option(min=0, help="Of suburbs, places and headings; 2,000 or more.")
     ] = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
     output: Output = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Home to places from up to 5 m around by ours and by known methods, with and without compass.
 
@@ -201,7 +204,7 @@ def homing(
     _check_seed(seed, allow_training_seeds)
     found = experiment.evaluate(
         scenes_of(spec), places, method or experiment.ROWS, seed=seed,
-        folder=output or BUILD / "evaluate" / "homing", jobs=jobs,
+        folder=_kept(output, "homing"), jobs=jobs,
     )  # fmt: skip
     summary = experiment.summarise(found)
     if as_json:
@@ -213,12 +216,13 @@ def homing(
 @app.command()
 def homing_trials(
     spec: Spec = SUBURB,
-    places: Annotated[int, typer.Option(help="To home to, two in each suburb.")] = 4,
-    trials: Annotated[int, typer.Option(help="Of each method, the first as it is.")] = 16,
+    places: Annotated[int, typer.Option(min=1, help="To home to, two in each suburb.")] = 4,
+    trials: Annotated[int, typer.Option(min=1, help="Of each method, the first as it is.")] = 16,
     seed: Annotated[
-        int, typer.Option(help="Of suburbs, places and trials; 1,000 to 1,999.")
+        int,
+        typer.Option(min=1000, max=FIRST_SEED - 1, help="Of suburbs, places and trials."),
     ] = 1000,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Try parameters of every homing method, as many of each, on the seeds for choosing.
 
@@ -228,8 +232,6 @@ def homing_trials(
     from vrchain.experiments import homing_trials as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    if not 1000 <= seed < FIRST_SEED:
-        raise MissionError(f"parameters are chosen by seeds 1000 to 1999, got {seed}")
     table = experiment.trials(scenes_of(spec), places, trials, seed=seed)
     if as_json:
         print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
@@ -240,14 +242,18 @@ def homing_trials(
 @app.command()
 def navigation(
     spec: Spec = SUBURB,
-    missions: Annotated[int, typer.Option(help="By turns in ten suburbs; 100 to report.")] = 10,
-    robots: Annotated[int, typer.Option(help="How many, the driving one among them.")] = 5,
+    missions: Annotated[
+        int, typer.Option(min=1, help="By turns in ten suburbs; 100 to report.")
+    ] = 10,
+    robots: Annotated[
+        int, typer.Option(min=2, max=20, help="How many, the driving one among them.")
+    ] = 5,
     arms: Annotated[
         list[str] | None, typer.Option(metavar="A", help="ledger, alone, oracle; all if none.")
     ] = None,
     to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
     landmarks: Annotated[
-        int, typer.Option(help="In each chain at least; if 0, two in every third.")
+        int, typer.Option(min=0, help="In each chain at least; if 0, two in every third.")
     ] = 0,
     patrol: Annotated[
         float, typer.Option(metavar="S", help="For how long the others are under way before.")
@@ -259,12 +265,12 @@ def navigation(
         float, typer.Option(metavar="P", help="Share of legs with an obstacle nobody knows of.")
     ] = 0.0,
     seed: Annotated[
-        int, typer.Option(help="Of suburbs, missions and noise; 2,000 or more.")
+        int, typer.Option(min=0, help="Of suburbs, missions and noise; 2,000 or more.")
     ] = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
     output: Output = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Send robots to goals out of their sight: with the ledger, alone, and with true landmarks.
 
@@ -278,7 +284,7 @@ def navigation(
     _check_seed(seed, allow_training_seeds)
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
-        folder=output or BUILD / "evaluate" / "navigation", to_places=to_places,
+        folder=_kept(output, "navigation"), to_places=to_places,
         landmarks=landmarks, patrol_s=patrol, wrong_edges=wrong_edges, barred=barred, jobs=jobs,
     )  # fmt: skip
     summary = scores.summarise(*found)
@@ -296,13 +302,13 @@ def navigation(
 @app.command()
 def goals(
     spec: Spec = SUBURB,
-    suburbs: Annotated[int, typer.Option(help="How many; a world is one.")] = 4,
-    most: Annotated[int, typer.Option("--goals", help="Of each suburb, at most.")] = 14,
+    suburbs: Annotated[int, typer.Option(min=1, help="How many; a world is one.")] = 4,
+    most: Annotated[int, typer.Option("--goals", min=1, help="Of each suburb, at most.")] = 14,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
     output: Output = None,
-    as_json: AsJson = False,
+    as_json: Json = False,
 ) -> None:
     """Look at goals, and at all other houses, from all sides: which are taken for the goal?
 
@@ -313,7 +319,7 @@ def goals(
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
-    folder = output or BUILD / "evaluate" / "goals"
+    folder = _kept(output, "goals")
     found = experiment.evaluate(scenes_of(spec), suburbs, most, seed=seed, folder=folder, jobs=jobs)
     summary = experiment.summarise(found)
     print(json.dumps(summary) if as_json else experiment.as_table(summary).to_string())
@@ -324,6 +330,13 @@ def _print_rows(table: "pd.DataFrame", as_json: bool) -> None:
         print(json.dumps({"rows": table.to_dict(orient="records")}))
     else:
         print(table.to_string(index=False))
+
+
+def _kept(output: Path | None, name: str) -> Path:
+    """The folder that results are kept in. OutputError, before any work, if none can be."""
+    folder = output or BUILD / "evaluate" / name
+    check_output_file(folder / "results")
+    return folder
 
 
 def _check_seed(seed: int, allow_training_seeds: bool) -> None:

@@ -36,6 +36,7 @@ from vrchain.ledger.errors import (
 )
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.membership import OPERATOR, check_member_name
+from vrchain.ledger.transaction import NO_BLOB
 
 _PICTURES = "pictures.json"  # the table beside exported pictures
 _DAY_NS = 86_400_000_000_000
@@ -217,6 +218,9 @@ def verify(
     expected_head: Annotated[
         str | None, typer.Option(metavar="HASH", help="A block's hash that must be there.")
     ] = None,
+    landmarks: Annotated[
+        bool, typer.Option(help="Also extract each robot's newest landmark record again.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Check every byte of every record and payload; exit status 1 when something is wrong."""
@@ -231,6 +235,9 @@ def verify(
     if found.dropped:
         result["dropped"] = found.dropped
         text += f"; blobs dropped, as the operator signed: {found.dropped}"
+    if landmarks and found.ok:
+        result["landmark_records"] = _check_landmarks(ledger)
+        text += f"; landmark records as extracted again: {result['landmark_records']}"
     if as_json or found.ok:
         _say(as_json, result, text)
     if not found.ok:
@@ -401,10 +408,35 @@ def _panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
     from vrchain.landmarks.record import encode_record, examine
     from vrchain.panorama import Panorama
 
-    panorama = Panorama.load(folder)
+    blob = Panorama.load(folder).encode()
     if landmarks is None:
-        landmarks = encode_record(examine(panorama))
-    return panorama.encode(), landmarks
+        landmarks = encode_record(examine(Panorama.decode(blob)))  # of what others will see
+    return blob, landmarks
+
+
+def _check_landmarks(ledger: Path) -> int:
+    """How many robots' newest records were extracted again; DamagedError if one is of its own."""
+    from vrchain.landmarks.gallery import is_extracted
+
+    count = 0
+    with Ledger.open(ledger) as opened:
+        for robot in opened.robots:
+            newest = opened.latest(robot)
+            if newest is None or newest.landmarks_digest == NO_BLOB:
+                continue
+            panorama, told = map(opened.payload, (newest.payload_digest, newest.landmarks_digest))
+            try:
+                alike = is_extracted(told, panorama)
+            except ImageError as error:
+                raise DamagedError(
+                    f"{ledger}: {robot}'s newest payload is no panorama ({error})"
+                ) from None
+            if not alike:
+                raise DamagedError(
+                    f"{ledger}: {robot}'s newest landmark record is not what its panorama gives"
+                )
+            count += 1
+    return count
 
 
 def _hash(text: str) -> bytes:

@@ -6,6 +6,8 @@ from typing import Annotated
 
 import typer
 
+from vrchain.files import check_output_file
+
 ProfileName = Annotated[
     str,
     typer.Option("--profile", metavar="quick|paper", envvar="VRCHAIN_PROFILE", help="How large."),
@@ -64,6 +66,7 @@ def figures(
     results = Results.here(profile)
     tell_of_other_code(results)
     folder = output or DRAWN
+    check_output_file(folder / "figure.png")
     drawn = run_scripts(results, folder, names or ())
     print(f"drew {', '.join(drawn)} into {folder}")
 

@@ -1,17 +1,28 @@
 """The commands that look and drive: ``panorama``, ``landmarks``, ``navigate``."""
 
 import json
+import math
+import sys
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from vrchain.cli.options import Json, Spec, check_picture, doing, suburb_of
+from vrchain.errors import OutputError
 from vrchain.files import check_output_folder, output_folder, write_file
 
-Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
-Folder = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Folder to write.")]
+if TYPE_CHECKING:
+    from vrchain.landmarks.common import CommonLandmark
+    from vrchain.landmarks.photos import FileComparison
+
+Folder = Annotated[
+    Path,
+    typer.Option(
+        "-o", "--output", metavar="DIR", help="Folder to write; an earlier result is replaced."
+    ),
+]
 
 
 def panorama(
@@ -26,17 +37,19 @@ def panorama(
     field_of_view: Annotated[float, typer.Option(help="Width of a view, in degrees.")] = 60.0,
 ) -> None:
     """Draw what a robot sees all around it: its views and the joined cylinder."""
-    import numpy as np
-
     from vrchain.geometry import Pose
     from vrchain.panorama import MARKER, CameraRig
     from vrchain.render import Renderer
     from vrchain.scene import load_scene
+    from vrchain.scene.model import check_on_map
 
     check_output_folder(output, MARKER)
     rig = CameraRig(views, width, height, field_of_view)
-    scene = load_scene(spec)
-    pose = Pose(at[0], at[1], float(np.radians(at[2])))
+    pose = Pose(at[0], at[1], math.radians(at[2] % 360))
+    suburb = suburb_of(spec)
+    check_on_map(pose, suburb.extent_m if suburb else (math.inf, math.inf))
+    with doing(f"building {spec}"):
+        scene = load_scene(spec)
     scene.check_pose(pose)
     with output_folder(output, MARKER) as folder:
         Renderer(scene).render(pose, rig).save(folder)
@@ -50,56 +63,95 @@ def landmarks(
         Path | None, typer.Option("-o", "--output", metavar="PICTURE.png", help="Draw them.")
     ] = None,
     variant: Annotated[
-        str, typer.Option(help="Of panoramas: sift, cnn, cnn+sift, or MODULE:NAME of your own.")
+        str,
+        typer.Option(
+            help="Of panoramas: cnn+sift, sift, or MODULE:NAME of your own; cnn, a part, is to "
+            "compare with, not for use."
+        ),
     ] = "cnn+sift",
     as_json: Json = False,
 ) -> None:
-    """Find what two photographs or panoramas have in common."""
-    from vrchain.landmarks.photos import landmarks_of_files
-    from vrchain.plots.pictures import common_landmarks_figure
-    from vrchain.plots.save import png_bytes
+    """Find what two photographs or panoramas have in common.
 
-    found = landmarks_of_files(a, b, variant)
-    claims = found.claims
+    Of panoramas also: in which direction B is seen from A, how it is turned, and how far it and the
+    landmarks are, where that can be told.
+    """
+    from vrchain.landmarks.photos import landmarks_of_files
+    from vrchain.landmarks.variants import variant_named
+
     if output is not None:
-        figure = common_landmarks_figure(
-            found.a_rgb, found.b_rgb, claims, found.rig, (a.name, b.name)
-        )
+        check_picture(output)
+        if output.resolve() in {
+            own.resolve() for given in (a, b) for own in (given, *given.glob("*"))
+        }:
+            raise OutputError(f"{output} is one of the pictures to compare: choose another -o")
+    with doing(f"comparing {a} and {b}"):
+        found = landmarks_of_files(a, b, variant)
+    if found.rig and variant_named(variant).partial:
+        print(f"vrchain: {variant} is a part, to compare with and not for use", file=sys.stderr)
+    if output is not None:
+        from vrchain.plots.pictures import common_landmarks_figure
+        from vrchain.plots.save import png_bytes
+
+        names = a.name, b.name
+        figure = common_landmarks_figure(found.a_rgb, found.b_rgb, found.claims, found.rig, names)
         write_file(output, png_bytes(figure))
     if as_json:
-        print(
-            json.dumps(
-                {
-                    "common_landmarks": [
-                        {"score": round(c.score, 4), "a": asdict(c.a), "b": asdict(c.b)}
-                        for c in claims
-                    ]
-                }
-            )
-        )
+        claims = [_told(found, claim) for claim in found.claims]
+        print(json.dumps({"common_landmarks": claims, "relative_pose": _pose(found)}))
         return
-    print(f"{len(claims)} common landmarks" + (f", drawn in {output}" if output else ""))
-    for number, claim in enumerate(claims, 1):
+    print(f"{len(found.claims)} common landmarks" + (f", drawn in {output}" if output else ""))
+    if pose := _pose(found):
+        direction, heading = (
+            f"{math.degrees(pose[k]):.0f}" for k in ("direction_rad", "heading_rad")
+        )
+        away = "?" if pose["distance_m"] is None else f"{pose['distance_m']:.1f}"
+        print(f"B from A: {away} m away at {direction} degrees, turned by {heading} degrees")
+    for number, claim in enumerate(found.claims, 1):
+        told = _told(found, claim)
         regions = ", ".join(
-            f"{side} view {r.view} box {tuple(round(v) for v in r.box_px)}"
-            for side, r in (("A", claim.a), ("B", claim.b))
+            f"{side.upper()} view {r['view']} box {tuple(round(v) for v in r['box_px'])}"
+            + ("" if r["range_m"] is None else f" {r['range_m']:.1f} m away")
+            for side, r in (("a", told["a"]), ("b", told["b"]))
         )
         print(f"{number}: score {claim.score:.2f}, {claim.matches} matches, {regions}")
+
+
+def _told(found: "FileComparison", claim: "CommonLandmark") -> dict[str, Any]:
+    ranges_m = found.comparison.ranges_m(claim, found.rig) if found.rig else None
+    sides = zip("ab", (claim.a, claim.b), ranges_m or (None, None), strict=True)
+    return {"score": round(claim.score, 4)} | {
+        side: asdict(region) | {"range_m": range_m} for side, region, range_m in sides
+    }
+
+
+def _pose(found: "FileComparison") -> dict[str, Any] | None:
+    """Where B is, as A sees it; None where that is not known, or not to be relied on."""
+    pose = found.comparison.relative_pose
+    if pose is None or found.rig is None:
+        return None
+    return {
+        "direction_rad": pose.direction_rad,
+        "heading_rad": pose.heading_rad,
+        "distance_m": found.comparison.distance_m(found.rig),
+        "chance": found.comparison.chance,
+    }
 
 
 def navigate(
     spec: Spec,
     output: Folder,
-    robots: Annotated[int, typer.Option(help="How many robots.")] = 3,
+    robots: Annotated[int, typer.Option(min=2, max=20, help="How many robots.")] = 3,
     robot: Annotated[str, typer.Option(help="Which one drives.")] = "R1",
     goal: Annotated[
         str | None, typer.Option(metavar="NAME", help="The object to find; drawn if not given.")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of everything random.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
     as_json: Json = False,
 ) -> None:
     """Send a robot to a goal out of its sight, by what the others put into the ledger."""
     from vrchain.experiments import mission
+    from vrchain.experiments.task import robot_names
     from vrchain.navigation.terms import Decision
     from vrchain.plots.mission import save_pictures
     from vrchain.plots.replay import mission_gif
@@ -110,7 +162,10 @@ def navigate(
             print(f"{decision.time_s:7.1f} s  {decision.what:10} {decision.why}", flush=True)
 
     check_output_folder(output, mission.MARKER)
-    scene = load_scene(spec)
+    if suburb_of(spec):  # other scenes may have robots of their own
+        robot_names(robots, robot)
+    with doing(f"building {spec}"):
+        scene = load_scene(spec)
     with output_folder(output, mission.MARKER) as folder:
         run = mission.run(
             scene, folder / "ledger", seed=seed, n_robots=robots, robot=robot, goal=goal, tell=tell

@@ -6,13 +6,11 @@ from typing import Annotated
 
 import typer
 
+from vrchain.cli.options import Json, Spec, check_picture, doing
 from vrchain.errors import SpecError
-from vrchain.files import write_file
+from vrchain.files import check_output_file, write_file
 
 app = typer.Typer(no_args_is_help=True, help="Look at a scene.")
-
-Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 
 
 @app.command()
@@ -20,7 +18,8 @@ def info(spec: Spec, as_json: Json = False) -> None:
     """List a scene's objects."""
     from vrchain.scene import load_scene
 
-    scene = load_scene(spec)
+    with doing(f"building {spec}"):
+        scene = load_scene(spec)
     if as_json:
         objects = [
             {
@@ -45,14 +44,18 @@ def info(spec: Spec, as_json: Json = False) -> None:
 @app.command(name="map")
 def draw_map(
     spec: Spec,
-    output: Annotated[Path, typer.Option("-o", "--output", help="The PNG to write.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="The PNG to write.")
+    ],
 ) -> None:
     """Draw a scene from above."""
     from vrchain.plots.maps import scene_map
     from vrchain.plots.save import png_bytes
     from vrchain.scene import load_scene
 
-    write_file(output, png_bytes(scene_map(load_scene(spec))))
+    check_picture(output)
+    with doing(f"drawing {spec}"):
+        write_file(output, png_bytes(scene_map(load_scene(spec))))
     print(f"wrote {output}")
 
 
@@ -78,9 +81,13 @@ def export(
                 f"expected the scene file of a suburb to write as {SUFFIX}, got the Gazebo world "
                 f"{spec}: write it as .glb instead"
             )
-        export_world(load_spec(spec), output)
+        check_output_file(output)
+        with doing(f"exporting {spec}"):
+            export_world(load_spec(spec), output)
         print(f"wrote {output}, and its models beside it")
         return
     check_name(output)
-    export_scene(load_scene(spec), output)
+    check_output_file(output)
+    with doing(f"exporting {spec}"):
+        export_scene(load_scene(spec), output)
     print(f"wrote {output}")

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from vrchain.errors import MissionError
 from vrchain.experiments.bench_render import COLUMNS
 from vrchain.experiments.landmarks import draw_pairs, draw_poses
 from vrchain.experiments.stopwatch import race_us
@@ -35,6 +36,8 @@ def bench_landmarks(spec: str | Path, n_positions: int, *, seed: int) -> pd.Data
     beside SIFT over the whole of both. Raises as ``load_scene``,
     and MissionError without room or positions.
     """
+    if n_positions < 1:
+        raise MissionError(f"expected 1 position or more, got {n_positions}")
     scene, rig = load_scene(spec), CameraRig()
     renderer, network = Renderer(scene), load_network()
     order = generator(seed, "bench", "landmarks")

@@ -11,6 +11,7 @@ from vrchain.experiments.task import Task
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.record import LandmarkRecord, encode_record
 from vrchain.ledger import Ledger, SigningKey, simulated_key
+from vrchain.panorama import Panorama
 from vrchain.robot import Drive, Observation, UpdateMonitor, UpdateRules, steer
 from vrchain.simulator import Simulator
 
@@ -69,9 +70,8 @@ class PublishingRobot:
         seen = self.simulator.observe(self.name, look=look)
         rule = self.monitor.due(seen)
         if seen.panorama is not None:
-            self._looked = seen
-            if rule:
-                self._publish(seen, rule)
+            self._looked = self._publish(seen, rule) if rule else seen
+            return self._looked
         return seen
 
     def watch(self, look_every_m: float = LOOK_EVERY_M) -> Observation:
@@ -90,11 +90,13 @@ class PublishingRobot:
         """Drive so for a while; the others do what ``others`` says: stand, if nothing was said."""
         self.simulator.step({**self.others(), self.name: command}, duration_s)
 
-    def _publish(self, seen: Observation, rule: str) -> None:
+    def _publish(self, seen: Observation, rule: str) -> Observation:
+        """What it saw, as all others will see it."""
         assert seen.panorama is not None
         blob = seen.panorama.encode()
         landmarks = None
         if self._examine is not None:
+            seen = replace(seen, panorama=Panorama.decode(blob))  # else none could extract it again
             before, self._published = self._published, seen.odometry
             moved = None if before is None else relative(before, seen.odometry)
             landmarks = encode_record(replace(self._examine(seen), moved=moved))
@@ -117,6 +119,7 @@ class PublishingRobot:
                 others=json.dumps(team),
             )
         )
+        return seen
 
 
 def assemble(

@@ -19,6 +19,7 @@ from vrchain.panorama import CameraRig, Panorama
 Box = tuple[float, float, float, float]
 
 _STILL_RAD = 0.01  # nine tenths of all things shift less: the two stand at one place
+_LEAST_WAY_M = 0.5  # between two robots, from which a landmark's range can be told
 _MIN_CONTRAST = 2.0  # standard deviation of grey below which an image is called blank
 
 
@@ -78,10 +79,35 @@ class CommonLandmark:
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """What two images have in common, surest first, and the relative pose if there is one."""
+    """What two images have in common, surest first.
+
+    geometry: the likeliest relative pose if any was found, also of images that share nothing.
+    chance: that the two were joined rightly, by all that may be claimed; None if that is not told.
+    """
 
     common: tuple[CommonLandmark, ...]
     geometry: PlanarGeometry | None
+    chance: float | None = None
+
+    @property
+    def relative_pose(self) -> PlanarGeometry | None:
+        """The relative pose if it can be relied on: None where nothing is claimed."""
+        return self.geometry if self.common else None
+
+    def distance_m(self, rig: CameraRig) -> float | None:
+        """From A to B, two panoramas of ``rig``; None where nothing tells the scale."""
+        pose = self.relative_pose
+        way_m = pose.baseline_heights * rig.camera_height_m if pose else np.nan
+        return float(way_m) if np.isfinite(way_m) else None
+
+    def ranges_m(self, claim: CommonLandmark, rig: CameraRig) -> tuple[float, float] | None:
+        """How far a landmark is from A and from B; None where the two are too near to tell."""
+        way_m = self.distance_m(rig)
+        if way_m is None or way_m < _LEAST_WAY_M or claim.ranges is None:
+            return None
+        if max(claim.ranges) > MatchConfig.max_range:
+            return None
+        return claim.ranges[0] * way_m, claim.ranges[1] * way_m
 
 
 def compare(

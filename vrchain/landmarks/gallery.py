@@ -28,7 +28,15 @@ from vrchain.landmarks.recognition import (
     locate,
     template_around,
 )
-from vrchain.landmarks.record import LandmarkRecord, decode_record, examine, maker_of
+from vrchain.landmarks.record import (
+    LandmarkRecord,
+    agree,
+    decode_record,
+    encode_record,
+    examine,
+    examine_quickly,
+    maker_of,
+)
 from vrchain.landmarks.sift import Features
 from vrchain.landmarks.sought import Sought, depth, worth_of
 from vrchain.landmarks.spots import ONE
@@ -108,6 +116,20 @@ def record_from(
                 return stored
             moved = stored.moved
     return replace(examine(taken, weights), moved=moved)
+
+
+def is_extracted(landmarks: bytes, panorama: bytes, weights: Path = SHIPPED) -> bool:
+    """Whether a published record is what its panorama gives, extracted again: see ``agree``.
+
+    By either way in which robots extract them. ImageError if the panorama is none.
+    """
+    taken = Panorama.decode(panorama)
+    with contextlib.suppress(ImageError):
+        return any(
+            agree(landmarks, encode_record(look(taken, weights)))
+            for look in (examine_quickly, examine)
+        )
+    return False
 
 
 def partners(

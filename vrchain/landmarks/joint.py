@@ -101,10 +101,11 @@ def compare_joint(
     own = distinct(a, b, found.pairs, score, config)
     heard = [score[k] for k in own if score[k] >= LEAST_CLAIM]
     few = min(len(a.proposals), len(b.proposals))
-    if chance_joined(heard, few, found.geometry) < config.min_joined:
-        return Comparison((), found.geometry)
+    chance = chance_joined(heard, few, found.geometry)
+    if chance < config.min_joined:
+        return Comparison((), found.geometry, chance)
     chosen = [k for k in own if score[k] >= config.min_score]
-    return Comparison(tuple(claims_of(a, b, found, chosen, score)), found.geometry)
+    return Comparison(tuple(claims_of(a, b, found, chosen, score)), found.geometry, chance)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,12 +14,14 @@ from numpy.typing import NDArray
 from vrchain.errors import ImageError
 from vrchain.landmarks.common import (
     CommonLandmark,
+    Comparison,
     Region,
     check_not_blank,
     group_by_nearness,
     support_score,
 )
 from vrchain.landmarks.sift import Keypoints, detect, mutual_matches, root
+from vrchain.landmarks.sky import sky_mask
 from vrchain.landmarks.variants import DEFAULT, compared, variant_named
 from vrchain.panorama import CameraRig, Panorama, read_image
 from vrchain.seeding import generator
@@ -48,6 +50,7 @@ class PhotoConfig:
     min_inliers: int = 18  # matches that obey one fundamental matrix
     shuffles: int = 5  # of who matches whom; more must agree than in any of them
     min_support: int = 6  # of them in a claim
+    sky: bool = False  # whether what matches in the sky counts
 
 
 PLAIN = PhotoConfig(
@@ -58,6 +61,7 @@ PLAIN = PhotoConfig(
     min_inliers=20,
     min_support=8,
     shuffles=0,
+    sky=True,
 )  # what most tutorials do
 
 
@@ -75,11 +79,15 @@ def photo_landmarks(
 
 @dataclass(frozen=True, eq=False)
 class Described:
-    """A picture's size (height, width) as given, and its keypoints, found at ``scale`` of it."""
+    """A picture's size (height, width) as given, and its keypoints, found at ``scale`` of it.
+
+    in_sky: (n,) which of the keypoints lie in the sky.
+    """
 
     size_px: tuple[int, int]
     keypoints: Keypoints
     scale: float
+    in_sky: NDArray[np.bool_]
 
 
 def described(image_rgb: NDArray[np.uint8]) -> Described:
@@ -90,7 +98,9 @@ def described(image_rgb: NDArray[np.uint8]) -> Described:
         smaller = max(1, round(width * scale)), max(1, round(height * scale))
         resized = cv2.resize(image_rgb, smaller, interpolation=cv2.INTER_AREA)
         image_rgb = np.asarray(resized, dtype=np.uint8)
-    return Described((height, width), detect(image_rgb), scale)
+    found = detect(image_rgb)
+    column, row = np.round(found.xy_px).astype(int).T
+    return Described((height, width), found, scale, sky_mask(image_rgb)[row, column])
 
 
 def agreeing(
@@ -99,7 +109,9 @@ def agreeing(
     """Indices (m,), (m,) of matched keypoints that obey one fundamental matrix."""
     ia, ib = _matches(a, b, config)
     inlier = _obeying(a, b, ia, ib, config)
-    return ia[inlier], ib[inlier]
+    ia, ib = ia[inlier], ib[inlier]
+    counted = config.sky | ~(a.in_sky[ia] | b.in_sky[ib])
+    return ia[counted], ib[counted]
 
 
 def _matches(
@@ -169,10 +181,15 @@ class FileComparison:
     rig: set when both are panoramas; the pictures are their cylinders then.
     """
 
-    claims: tuple[CommonLandmark, ...]
+    comparison: Comparison
     a_rgb: NDArray[np.uint8]
     b_rgb: NDArray[np.uint8]
     rig: CameraRig | None
+
+    @property
+    def claims(self) -> tuple[CommonLandmark, ...]:
+        """The common landmarks, surest first."""
+        return self.comparison.common
 
 
 def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> FileComparison:
@@ -180,22 +197,23 @@ def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> 
 
     Two panoramas are compared as such, by the variant of that name. A panorama beside a photograph
     is taken as its views, of which the one with the most in common counts. ImageError names a file
-    that cannot serve.
+    that cannot serve; MissionError: there is no such variant.
     """
+    chosen = variant_named(variant) if variant != DEFAULT else None
     left, right = _load(a), _load(b)
     if isinstance(left, Panorama) and isinstance(right, Panorama):
-        seen = compared(variant_named(variant), left, right)
-        return FileComparison(seen.common, left.cylinder, right.cylinder, left.rig)
+        found = compared(chosen or variant_named(variant), left, right)
+        return FileComparison(found, left.cylinder, right.cylinder, left.rig)
     views_a, views_b = _views(left), _views(right)
     described_a, described_b = ([described(v) for v in views] for views in (views_a, views_b))
-    found = {
+    claimed = {
         (i, j): claims_of(one, other)  # a single view may well be blank
         for i, one in enumerate(described_a)
         for j, other in enumerate(described_b)
     }
-    i, j = max(found, key=lambda pair: sum(len(c.support_a) for c in found[pair]))
-    claims = [replace(c, a=replace(c.a, view=i), b=replace(c.b, view=j)) for c in found[i, j]]
-    return FileComparison(tuple(claims), views_a[i], views_b[j], None)
+    i, j = max(claimed, key=lambda pair: sum(len(c.support_a) for c in claimed[pair]))
+    claims = [replace(c, a=replace(c.a, view=i), b=replace(c.b, view=j)) for c in claimed[i, j]]
+    return FileComparison(Comparison(tuple(claims), None), views_a[i], views_b[j], None)
 
 
 def _views(image: Panorama | NDArray[np.uint8]) -> list[NDArray[np.uint8]]:

@@ -41,7 +41,8 @@ class Variant:
     of its claims count by. maker: what its results depend on beside the code, as text: results
     that are kept are used again only where it is the same; of one plugged in, the digest of its
     module's file is put behind. claimed: the score from which its claims
-    count where all are kept to see what other thresholds would do.
+    count where all are kept to see what other thresholds would do. partial: it is the default with
+    something left out, to compare with and not for use.
     """
 
     name: str
@@ -50,6 +51,7 @@ class Variant:
     keypoints: Callable[[Any], Features]
     maker: str = ""
     claimed: float = 0.5
+    partial: bool = False
 
 
 def sift(min_score: float = MatchConfig().min_score) -> Variant:
@@ -69,7 +71,8 @@ def learned(
     look = _look_by(weights)
     joining = partial(compare_joint, config=config, calibration=calibration)
     own = name or config.name
-    return Variant(own, look, joining, _kept, maker_of(weights), JointConfig().min_score)
+    part = config.name != DEFAULT
+    return Variant(own, look, joining, _kept, maker_of(weights), JointConfig().min_score, part)
 
 
 def compared(variant: Variant, a: Panorama, b: Panorama) -> Comparison:
@@ -125,13 +128,14 @@ def _plugged_in(name: str) -> Variant:
     if here not in sys.path:
         sys.path.append(here)
     try:
-        source = importlib.import_module(module)
+        source = importlib.import_module(module) if attribute else None
         found = getattr(source, attribute) if attribute else None
-    except (ImportError, AttributeError, ValueError) as error:
-        raise MissionError(f"no variant {name!r} to plug in: {error}") from error
+        why = f" ({name} is a {type(found).__name__}, not a Variant)" if attribute else ""
+    except Exception as error:  # a module of somebody's own may fail in any way
+        found, why = None, f" ({type(error).__name__}: {' '.join(str(error).split())})"
     if not isinstance(found, Variant):
         raise MissionError(
-            f"no variant {name!r}: there are {'; '.join(['sift', *JOINT, FEWER])}; these with "
+            f"no variant {name!r}{why}: there are {'; '.join(['sift', *JOINT, FEWER])}; these with "
             f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
         )
     file = getattr(source, "__file__", None)

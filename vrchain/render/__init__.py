@@ -93,7 +93,8 @@ class Renderer:
     ) -> Panorama:
         """The panorama seen from ``pose``; the same bytes every time.
 
-        robots: the other robots in the scene, name and pose; never the one that looks.
+        robots: the other robots in the scene, name and pose; never the one that looks. PoseError
+        where no robot can stand.
         """
         rig = rig or CameraRig()
         return Panorama(rig, self._views(pose, rig, "colour", robots or {}))
@@ -106,7 +107,7 @@ class Renderer:
     ) -> NDArray[np.int32]:
         """Object id a pixel, -1 for sky: (n_views, height_px, width_px) int32.
 
-        Robots have the ids -2, -3, ... in the order given.
+        Robots have the ids -2, -3, ... in the order given. PoseError as ``render``.
         """
         views = self._views(pose, rig or CameraRig(), "objects", robots or {})
         low, middle, high = np.moveaxis(views.astype(np.int32), -1, 0)
@@ -151,6 +152,7 @@ class Renderer:
     ) -> NDArray[np.uint8]:
         from vrchain.render.drawer import Runs
 
+        self.scene.check_pose(pose)
         self._context.check_thread()
         lens = _camera_to_clip(rig)
         views = np.empty((rig.n_views, rig.height_px, rig.width_px, 3), dtype=np.uint8)

@@ -210,14 +210,7 @@ class Scene:
 
     def check_pose(self, pose: Pose) -> None:
         """Raise PoseError, saying why, unless a robot can stand at ``pose``."""
-        if not np.isfinite([pose.x_m, pose.y_m, pose.yaw_rad]).all():
-            raise PoseError(f"a pose needs three finite numbers, got {pose}")
-        half_x, half_y = (e / 2 - ROBOT_RADIUS_M for e in self.extent_m)
-        if abs(pose.x_m) > half_x or abs(pose.y_m) > half_y:
-            raise PoseError(
-                f"pose ({pose.x_m:g}, {pose.y_m:g}) is off the map: x must lie in "
-                f"{-half_x:g}..{half_x:g} and y in {-half_y:g}..{half_y:g} m"
-            )
+        check_on_map(pose, self.extent_m)
         solids, tree = self._solids
         point = shapely.Point(pose.x_m, pose.y_m)
         hits = tree.query(point, predicate="dwithin", distance=ROBOT_RADIUS_M)
@@ -226,3 +219,20 @@ class Scene:
                 f"pose ({pose.x_m:g}, {pose.y_m:g}) is inside or within {ROBOT_RADIUS_M} m of "
                 f"{solids[int(hits[0])].name!r}: choose a free place (see `vrchain scene map`)"
             )
+
+
+def check_on_map(pose: Pose, extent_m: tuple[float, float]) -> None:
+    """Raise PoseError unless ``pose`` is one, in radians, on a map of that size (x, y)."""
+    if not np.isfinite([pose.x_m, pose.y_m, pose.yaw_rad]).all():
+        raise PoseError(f"a pose needs three finite numbers, got {pose}")
+    if abs(pose.yaw_rad) > 4 * np.pi:  # sums of two angles are less
+        raise PoseError(
+            f"expected a yaw in radians, at most two turns, got {pose.yaw_rad:g}: "
+            "if these are degrees, turn them into radians by np.radians"
+        )
+    half_x, half_y = (e / 2 - ROBOT_RADIUS_M for e in extent_m)
+    if abs(pose.x_m) > half_x or abs(pose.y_m) > half_y:
+        raise PoseError(
+            f"pose ({pose.x_m:g}, {pose.y_m:g}) is off the map: x must lie in "
+            f"{-half_x:g}..{half_x:g} and y in {-half_y:g}..{half_y:g} m"
+        )

@@ -5,7 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from vrchain.errors import LearnedError
-from vrchain.files import write_file
+from vrchain.files import check_output_file, write_file
 from vrchain.landmarks.calibration import to_json
 from vrchain.landmarks.training.calibrate import CalibrateConfig, calibrate
 from vrchain.landmarks.training.examples import ExampleConfig
@@ -45,6 +45,8 @@ def train(profile: str, weights: Path, folder: Path) -> None:
             f"expected a file for weights, such as {weights.with_suffix('.pt')}, got {weights}: "
             "their record is written there"
         )
+    for file in (weights, weights.with_suffix(".json")):
+        check_output_file(file)
     chosen = PROFILES[profile]
     network, record = learn(chosen.learning, folder)
     save_weights(network, weights)

@@ -1,0 +1,47 @@
+"""What several commands take and say: their options, and what is refused before any work."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from vrchain.errors import OutputError
+from vrchain.files import check_output_file
+
+if TYPE_CHECKING:
+    from vrchain.scene.spec import SceneSpec
+
+Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
+Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
+
+
+def suburb_of(spec: Path) -> "SceneSpec | None":
+    """What is to be built, if it is a suburb of ours: it tells what to refuse before that."""
+    from vrchain.scene.gazebo import SUFFIXES
+    from vrchain.scene.spec import load_spec
+
+    read = None if spec.suffix.lower() in SUFFIXES else load_spec(spec)
+    return read if read and read.layout == "suburb" else None
+
+
+def check_picture(path: Path) -> None:
+    """Raise OutputError unless a PNG can be written there."""
+    if path.suffix.lower() != ".png":
+        raise OutputError(f"expected a picture's name that ends in .png, got {path}")
+    check_output_file(path)
+
+
+@contextmanager
+def doing(what: str) -> Iterator[None]:
+    """Say at a terminal what takes long, for as long as it does; elsewhere nothing, as tqdm."""
+    at_terminal = sys.stderr.isatty()
+    if at_terminal:
+        print(f"{what} ...", end="", file=sys.stderr, flush=True)
+    try:
+        yield
+    finally:
+        if at_terminal:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
