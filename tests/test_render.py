@@ -1,5 +1,4 @@
 import threading
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -7,6 +6,7 @@ import pytest
 import worlds
 
 from vrchain.errors import PoseError, RenderError
+from vrchain.experiments.results import suburb
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.render import Renderer
@@ -250,17 +250,13 @@ def test_drawn_objects_are_those_that_rays_hit() -> None:
 
 
 def test_drawn_objects_are_those_that_rays_hit_in_the_suburb() -> None:
-    from vrchain.scene import load_scene
-
-    scene = load_scene(Path(worlds.ROOT / "scenes" / "suburb.yaml"))
+    scene = suburb()
     assert min(agreement(scene, free_poses(scene, 3), CameraRig())) >= 0.995
 
 
 @pytest.mark.slow
 def test_drawn_objects_are_those_that_rays_hit_at_twenty_places() -> None:
-    from vrchain.scene import load_scene
-
-    scene = load_scene(Path(worlds.ROOT / "scenes" / "suburb.yaml"))
+    scene = suburb()
     shares = agreement(scene, free_poses(scene, 20), CameraRig())
     print(f"drawn and cast ids agree on {min(shares):.3%} of the pixels at least")
     assert min(shares) >= 0.995
