@@ -14,18 +14,19 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup reproduce test test-all lab lint format lock clean profile
+.PHONY: help setup reproduce test test-all test-processors lab lint format lock clean profile
 
 help:
-	@echo "make reproduce    the paper's evaluation, figures and notebooks (PROFILE=quick or paper)"
-	@echo "make test         lint, types and the fast tests"
-	@echo "make test-all     lint, types and every test at full counts"
-	@echo "make lab          open the notebooks in JupyterLab"
-	@echo "make lint         check style and types"
-	@echo "make format       mend style"
-	@echo "make setup        only make .venv and check the system libraries"
-	@echo "make lock         pin the newest versions that pyproject.toml allows (needs uv)"
-	@echo "make clean        remove what was built, .venv aside"
+	@echo "make reproduce        the paper's evaluation, figures and notebooks (PROFILE=quick or paper)"
+	@echo "make test             lint, types and the fast tests"
+	@echo "make test-all         lint, types and every test at full counts"
+	@echo "make test-processors  the tests that rest on recognition, as other processors would"
+	@echo "make lab              open the notebooks in JupyterLab"
+	@echo "make lint             check style and types"
+	@echo "make format           mend style"
+	@echo "make setup            only make .venv and check the system libraries"
+	@echo "make lock             pin the newest versions that pyproject.toml allows (needs uv)"
+	@echo "make clean            remove what was built, .venv aside"
 
 setup:
 	@command -v "$(PYTHON)" >/dev/null || { echo "No $(PYTHON) here: VRChain needs Python 3.11 or 3.12 (sudo apt-get install python3 python3-venv), or make PYTHON=/path/to/python3" >&2; exit 1; }
@@ -47,6 +48,10 @@ test: lint
 
 test-all: lint
 	$(BIN)/pytest -n $(WORKERS) --dist worksteal --hypothesis-profile=full
+
+# PROCESSORS: some of this, AVX2 and SSE4; TESTS: files, in place of all of recognition's.
+test-processors: setup
+	WORKERS=$(WORKERS) $(BIN)/python tools/processors.py $(PROCESSORS) -- $(TESTS)
 
 lab: setup
 	$(BIN)/jupyter lab notebooks

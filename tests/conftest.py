@@ -9,6 +9,12 @@ from hypothesis import settings
 # Draw without a display; has to be set before pyrender is first imported.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
 
+from vrchain.experiments.workers import ONE_THREAD
+
+# Before libraries start their threads, which else hold up the other processes that test.
+if int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) > 1:
+    os.environ.update(ONE_THREAD)
+
 from vrchain.experiments.reproduction import reproduce
 from vrchain.experiments.results import PROFILES, Results
 from vrchain.memory import keep_freed_memory
@@ -18,6 +24,12 @@ settings.register_profile("full", max_examples=1000, deadline=None)
 settings.load_profile("quick")  # `make test-all` asks for "full"
 
 keep_freed_memory()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """What needs the shared results comes first, all for one process: no other waits for them."""
+    items.sort(key=lambda item: "smoke_results" not in getattr(item, "fixturenames", ()))
+
 
 SAID = "said.txt"  # what the reproduction told, a line each
 

@@ -2,6 +2,7 @@
 
 import ast
 from collections.abc import Iterator
+from functools import cache
 from graphlib import TopologicalSorter
 from pathlib import Path
 
@@ -68,13 +69,18 @@ def within(name: str, homes: tuple[str, ...]) -> bool:
     return any(name == home or name.startswith(home + ".") for home in homes)
 
 
+@cache
+def nodes(code: str) -> tuple[ast.AST, ...]:
+    return tuple(ast.walk(ast.parse(code)))
+
+
 def imports(path: Path, package: Path) -> Iterator[str]:
     """Every module that a file imports, wherever in the file, with absolute names.
 
     ``from a import b`` gives ``a.b``: whether b is a module or not, its first parts are a's.
     """
     parents = path.relative_to(package.parent).parent.parts
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+    for node in nodes(path.read_text(encoding="utf-8")):
         if isinstance(node, ast.Import):
             yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
@@ -124,8 +130,8 @@ def violations(package: Path) -> list[str]:
             if library in HOMES and not within(name, HOMES[library]):
                 found.append(f"{name} imports {imported}: only {HOMES[library]} may")
         if not within(name, ("landmarks",)):
-            tree = ast.parse(path.read_text(encoding="utf-8"))
-            used = {node.attr for node in ast.walk(tree) if isinstance(node, ast.Attribute)}
+            code = nodes(path.read_text(encoding="utf-8"))
+            used = {node.attr for node in code if isinstance(node, ast.Attribute)}
             used |= {imported.rpartition(".")[2] for imported in imports(path, package)}
             found += [f"{name} uses {word}: only landmarks may" for word in used if "SIFT" in word]
     try:

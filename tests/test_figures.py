@@ -122,7 +122,7 @@ def test_figures_need_results(tmp_path: Path, capsys: pytest.CaptureFixture[str]
 
 def test_a_figure_that_cannot_be_written_leaves_no_part_of_it(tmp_path: Path) -> None:
     (tmp_path / "name.csv").mkdir()  # in the way of the last of the three files
-    with pytest.raises(OutputError, match=r"cannot write .*name\.csv"):
+    with pytest.raises(OutputError, match=r"expected a plain file .*name\.csv"):
         save_figure(Figure(), pd.DataFrame(), tmp_path / "name")
     assert [path.name for path in tmp_path.iterdir()] == ["name.csv"]
 

@@ -54,28 +54,24 @@ def test_import_of_the_package_loads_no_library(tmp_path: Path) -> None:
     assert in_fresh_process(code, tmp_path) == ["vrchain"]
 
 
-def loaded_by(modules: list[str], folder: Path) -> dict[str, list[str]]:
-    """Which heavy libraries each module was the first to load, all in one process."""
+def test_no_module_loads_a_heavy_library_or_leaves_a_file(tmp_path: Path) -> None:
+    """Plots load matplotlib, not its global state; they are last, so that no other can rely on it.
+
+    One process imports them all, and tells which heavy libraries each was the first to load.
+    """
+    plots = [name for name in modules() if name.startswith("vrchain.plots")]
+    others = [name for name in modules() if name not in plots]
+    for late in IMPORTED_LATE:
+        others.remove(late)
     code = (
         "import importlib\nfound = {}\n"
-        f"for module in {modules!r}:\n"
+        f"for module in {[*others, *plots]!r}:\n"
         f"    before = {HEAVY!r} & set(sys.modules)\n"
         "    importlib.import_module(module)\n"
         f"    found[module] = sorted({HEAVY!r} & set(sys.modules) - before)\n"
         "print(json.dumps({module: new for module, new in found.items() if new}))"
     )
-    return in_fresh_process(code, folder)
-
-
-def test_no_module_loads_a_heavy_library_or_leaves_a_file(tmp_path: Path) -> None:
-    others = [name for name in modules() if not name.startswith("vrchain.plots")]
-    for late in IMPORTED_LATE:
-        others.remove(late)
-    assert loaded_by(others, tmp_path) == {}
+    loaded = in_fresh_process(code, tmp_path)
+    assert set(loaded) <= set(plots)
+    assert {library for new in loaded.values() for library in new} <= {"matplotlib"}
     assert list(tmp_path.iterdir()) == []
-
-
-def test_plots_load_matplotlib_but_not_its_global_state(tmp_path: Path) -> None:
-    plots = [name for name in modules() if name.startswith("vrchain.plots")]
-    loaded = loaded_by(plots, tmp_path).values()
-    assert {library for new in loaded for library in new} <= {"matplotlib"}

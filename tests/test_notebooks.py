@@ -9,7 +9,7 @@ from pages import fetched
 
 from vrchain.cli import notebooks
 from vrchain.cli.notebooks import NotebookError, execute
-from vrchain.experiments.results import Results
+from vrchain.experiments.results import PROFILES, Results
 from vrchain.paths import NOTEBOOKS
 
 NAMES = [
@@ -97,14 +97,14 @@ def small_notebook(path: Path, source: str) -> Path:
 
 
 def test_a_cell_that_fails_is_told_in_one_line(
-    smoke_results: Results, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     source = tmp_path / "notebooks"
     source.mkdir()
     small_notebook(source / "bad.ipynb", "1 / 0")
     monkeypatch.setattr(notebooks, "NOTEBOOKS", source)
     (tmp_path / "out").mkdir()
-    results = Results(smoke_results.profile, tmp_path)
+    results = Results(PROFILES["smoke"], tmp_path)
     with pytest.raises(NotebookError, match=r"^bad.ipynb could not be executed: ZeroDivisionError"):
         notebooks.run_notebooks(results, tmp_path / "out")
     small_notebook(source / "bad.ipynb", "import os; print(os.environ['VRCHAIN_PROFILE'])")

@@ -1,8 +1,10 @@
 """The reproduction: every stage leaves what it should, whole or not at all, and says so."""
 
 import json
+import os
 import shutil
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -161,12 +163,14 @@ def test_a_common_landmark_is_the_surest_of_two_panoramas(results: Results) -> N
 # How stages are run, with stages that take no time.
 
 
-def writing(name: str) -> reproduction.Stage:
-    def stage(results: Results, folder: Path) -> str:
-        (folder / "result").write_text(name)
-        return f"wrote {name}"
+def write(name: str, results: Results, folder: Path) -> str:
+    (folder / "result").write_text(name)
+    (folder / "process").write_text(str(os.getpid()))
+    return f"wrote {name}"
 
-    return stage
+
+def writing(name: str) -> reproduction.Stage:
+    return partial(write, name)
 
 
 def failing(results: Results, folder: Path) -> str:
@@ -214,6 +218,22 @@ def test_a_stage_that_breaks_off_leaves_the_earlier_result(empty: Results) -> No
         reproduce(empty, ["update"], {**LIGHT, "update": failing}, lambda line: None)
     assert sorted(p.name for p in empty.folder.iterdir()) == ["retrieval", "survey", "update"]
     assert empty.path("update", "result").read_text() == "update"
+
+
+def test_stages_run_at_once_are_told_in_their_order_and_leave_all_or_nothing(
+    empty: Results,
+) -> None:
+    said: list[str] = []
+    names = ("survey", "update", "mission")
+    reproduce(empty, (), {name: writing(name) for name in names}, said.append, jobs=2)
+    assert [line.split()[0] for line in said] == list(names)
+    assert all(empty.path(name, "result").read_text() == name for name in names)
+    survey, update, mission = (empty.path(name, "process").read_text() for name in names)
+    assert survey != mission and str(os.getpid()) == update not in (survey, mission)
+    other = Results(empty.profile, empty.build / "other")
+    with pytest.raises(RuntimeError, match="broke off"):
+        reproduce(other, (), {"survey": writing("survey"), "mission": failing}, said.append)
+    assert list(other.folder.iterdir()) == [] and len(said) == 3
 
 
 def test_without_names_everything_is_made_anew(empty: Results) -> None:

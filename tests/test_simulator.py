@@ -1,13 +1,11 @@
-from functools import cache
-
 import numpy as np
 import pytest
 import worlds
 
 from vrchain.errors import MissionError, PoseError
+from vrchain.experiments.results import suburb
 from vrchain.geometry import Pose
 from vrchain.robot import MAX_TURN_RAD_S, Drive, Wander, wander
-from vrchain.scene import load_scene
 from vrchain.scene.model import ROBOT_RADIUS_M, Scene, place
 from vrchain.seeding import generator
 from vrchain.simulator import SensorNoise, Simulator
@@ -255,11 +253,6 @@ def test_wandering_in_a_maze() -> None:
 @pytest.mark.parametrize("seed", range(5))
 def test_wandering_in_a_maze_for_long(seed: int) -> None:
     check_wandering(wander_about(10.0, seed, worlds.maze(), IN_MAZE), 10.0)
-
-
-@cache
-def suburb() -> Scene:
-    return load_scene(worlds.ROOT / "scenes" / "suburb.yaml")
 
 
 def wander_about_the_suburb(minutes: float, seed: int) -> Simulator:

@@ -3,8 +3,10 @@
 Only the simulator, training, quality and experiments may ask; a robot never does.
 """
 
+import sys
 from collections.abc import Mapping
 from itertools import product
+from types import ModuleType
 from typing import Any
 
 import numpy as np
@@ -26,6 +28,17 @@ _BEHIND_M = 1e-4  # a ray that went through a see-through texel goes on so far b
 _MOST_LAYERS = 32  # the next cut-out that a ray meets stops it, whatever its texel
 
 
+def _open3d() -> Any:
+    """Open3D without what it learns with, which would load scikit-learn: a second and more."""
+    unloaded = ModuleType("open3d.ml")
+    sys.modules.setdefault(unloaded.__name__, unloaded)
+    import open3d
+
+    if sys.modules[unloaded.__name__] is unloaded:
+        del sys.modules[unloaded.__name__]  # whoever wants it may still import it
+    return open3d
+
+
 class GroundTruth:
     """Answers about one scene. Object ids are indices of ``scene.objects``; -1 is the sky.
 
@@ -35,8 +48,7 @@ class GroundTruth:
     """
 
     def __init__(self, scene: Scene) -> None:
-        import open3d as o3d
-
+        o3d = _open3d()
         self.scene = scene
         self._to_tensor = o3d.core.Tensor
         self._caster: Any = o3d.t.geometry.RaycastingScene(nthreads=0)

@@ -95,7 +95,7 @@ def test_pairs_that_cannot_be_are_said_plainly() -> None:
 def measure() -> pd.DataFrame:
     pairs = draw_pairs(sights.yard(), 4, (3.0, 6.0), 2)
     looks = ((Look(a, sights.sight(a)), Look(b, sights.sight(b))) for a, b in pairs)
-    return claims_of(looks, sights.yard(), RIG)
+    return claims_of(looks, sights.yard_truth(), RIG)
 
 
 @pytest.fixture(scope="module")
@@ -127,8 +127,8 @@ def test_the_same_seed_gives_the_same_table(measured: pd.DataFrame) -> None:
 def test_a_pair_without_a_claim_keeps_its_row() -> None:
     a, b = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
     looks = [(Look(a, sights.sight(a)), Look(b, sights.sight(b)))] * 2
-    strict = claims_of(looks, sights.yard(), RIG, MatchConfig(min_score=1.1))
+    strict = claims_of(looks, sights.yard_truth(), RIG, MatchConfig(min_score=1.1))
     assert len(strict) == 2 and strict.score.isna().all() and (strict.co_visible > 0).all()
     assert list(strict.pair) == [0, 1]
-    mixed = claims_of(looks, sights.yard(), RIG)
+    mixed = claims_of(looks, sights.yard_truth(), RIG)
     assert summarise(mixed)["n_pairs"] == 2

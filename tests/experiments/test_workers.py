@@ -16,8 +16,9 @@ from vrchain.errors import MissionError
 from vrchain.experiments.workers import each
 
 
-def write(folder: Path, number: int) -> None:
+def write(folder: Path, number: int) -> int:
     (folder / str(number)).write_text(str(os.getpid()))
+    return number
 
 
 def fail(folder: Path, number: int) -> None:
@@ -34,7 +35,7 @@ def leave(folder: Path, number: int) -> None:
 
 @pytest.mark.parametrize("jobs", [1, 2])
 def test_every_number_is_worked_on_once(jobs: int, tmp_path: Path) -> None:
-    each(partial(write, tmp_path), range(6), jobs, "numbers")
+    assert each(partial(write, tmp_path), range(6), jobs, "numbers") == list(range(6))
     by = {int(file.name): int(file.read_text()) for file in tmp_path.iterdir()}
     assert sorted(by) == list(range(6))
     assert set(by.values()) == {os.getpid()} if jobs == 1 else os.getpid() not in by.values()

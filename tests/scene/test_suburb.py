@@ -30,7 +30,9 @@ GROUND = {"grass", "road", "kerb", "pavement", "marking", "driveway", "path", "b
 
 @pytest.fixture(scope="module")
 def suburb() -> Scene:
-    return load_scene(SUBURB)
+    from vrchain.experiments import results  # which the fresh processes below need not load
+
+    return results.suburb()  # shared with other tests
 
 
 def digest(scene: Scene) -> str:

@@ -12,6 +12,7 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
 from vrchain.experiments.results import Results
+from vrchain.experiments.workers import ONE_THREAD
 from vrchain.paths import NOTEBOOKS
 
 _LIMIT_S = 900  # a cell
@@ -46,6 +47,7 @@ def execute(notebook: Path, folder: Path, results: Results) -> Path:
     """
     environment = {
         **os.environ,
+        **ONE_THREAD,  # each of those at once
         "VRCHAIN_PROFILE": results.profile.name,
         "VRCHAIN_BUILD": str(results.build.absolute()),
         "JUPYTER_PREFER_ENV_PATH": "1",  # the kernel of this Python, not of the user's home

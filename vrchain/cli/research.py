@@ -44,7 +44,7 @@ def reproduce(
         "notebooks": run_notebooks,
     }
     reproduction.reproduce(
-        results, [*(only or ()), *(names or ())], stages, partial(print, flush=True)
+        results, [*(only or ()), *(names or ())], stages, partial(print, flush=True), jobs=None
     )
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import cache
+from functools import cache, partial
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,10 @@ import pandas as pd
 from vrchain.experiments.landmark_evaluation import evaluate, row
 from vrchain.experiments.landmark_scores import from_score, summarise
 from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.workers import each
 from vrchain.landmarks.variants import DEFAULT
 from vrchain.panorama import CameraRig
+from vrchain.scene.model import Scene
 
 VARIANTS = ("sift", "cnn", DEFAULT)
 _QUARTILES = {"quality_m_q25": 0.25, "quality_m_q75": 0.75}
@@ -28,20 +30,41 @@ def over_distance(
     folder: Path,
     rig: CameraRig,
     variants: Sequence[str] = VARIANTS,
+    jobs: int | None = 1,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Claims and pairs of ``landmark_evaluation.evaluate``, with a column band_m ("1-10").
 
     n_pairs: in each band of spacings ``bands_m`` (metres), in the same suburbs in all of them.
+    jobs: see ``workers.each``.
     """
-    scenes = replace(scenes, scene=cache(scenes.scene))
-    rows = [row(name) for name in variants]
-    claims: list[pd.DataFrame] = []
-    pairs: list[pd.DataFrame] = []
-    for low_m, high_m in bands_m:
-        found = evaluate(scenes, n_pairs, (low_m, high_m), rows, seed=seed, folder=folder, rig=rig)
-        for tables, table in zip((claims, pairs), found, strict=True):
-            tables.append(table.assign(band_m=f"{low_m:g}-{high_m:g}"))
+    _scene.cache_clear()
+    once = replace(scenes, scene=partial(_scene, scenes))
+    work = partial(_band, once, n_pairs, bands_m, variants, seed, folder, rig)
+    claims, pairs = zip(*each(work, range(len(bands_m)), jobs, "bands"), strict=True)
     return pd.concat(claims, ignore_index=True), pd.concat(pairs, ignore_index=True)
+
+
+@cache
+def _scene(scenes: Scenes, seed: int, k: int) -> Scene:
+    return scenes.scene(seed, k)
+
+
+def _band(
+    scenes: Scenes,
+    n_pairs: int,
+    bands_m: Sequence[tuple[float, float]],
+    variants: Sequence[str],
+    seed: int,
+    folder: Path,
+    rig: CameraRig,
+    number: int,
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The tables of one band."""
+    low_m, high_m = bands_m[number]
+    rows, spacing_m = [row(name) for name in variants], (low_m, high_m)
+    claims, pairs = evaluate(scenes, n_pairs, spacing_m, rows, seed=seed, folder=folder, rig=rig)
+    band_m = f"{low_m:g}-{high_m:g}"
+    return claims.assign(band_m=band_m), pairs.assign(band_m=band_m)
 
 
 def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:

@@ -76,18 +76,15 @@ def evaluate(
     suburbs = -(-n_pairs // PAIRS_A_SUBURB)
     claims, pairs = [], []
     for k in tqdm(range(suburbs), desc="suburbs", unit="", disable=None):
-        file = own / f"suburb_{k:04d}.json"
+        n = min(PAIRS_A_SUBURB, n_pairs - k * PAIRS_A_SUBURB)
+        file = own / f"suburb_{k:04d}_{n}.json"
         if not file.exists():
-            found = _suburb(scenes.scene(seed, k), spacing_m, variants, seed, k, rig)
+            found = _suburb(scenes.scene(seed, k), n, spacing_m, variants, seed, k, rig)
             write_file(file, json.dumps(found).encode())
         stored = json.loads(file.read_text())
         claims += [{"suburb": k, **row} for row in stored["claims"]]
         pairs += [{"suburb": k, **row} for row in stored["pairs"]]
-    table = pd.DataFrame(pairs)
-    table = table[table.groupby("variant").cumcount() < n_pairs]
-    made = pd.DataFrame(claims, columns=["suburb", *_CLAIM])
-    drawn = table[["suburb", "pair"]].drop_duplicates()
-    made = made.merge(drawn, on=["suburb", "pair"])
+    table, made = pd.DataFrame(pairs), pd.DataFrame(claims, columns=["suburb", *_CLAIM])
     if not scenes.varied:
         made, table = (t.assign(suburb=t.suburb * PAIRS_A_SUBURB + t.pair) for t in (made, table))
     return made, table
@@ -115,6 +112,7 @@ _CLAIM = (
 
 def _suburb(
     scene: Scene,
+    n_pairs: int,
     spacing_m: tuple[float, float],
     variants: Sequence[Variant],
     seed: int,
@@ -129,7 +127,7 @@ def _suburb(
     (180: no answer).
     """
     renderer, truth = Renderer(scene), GroundTruth(scene)
-    poses = list(draw_pairs(scene, PAIRS_A_SUBURB, spacing_m, seed * 100_003 + k))
+    poses = list(draw_pairs(scene, n_pairs, spacing_m, seed * 100_003 + k))
     claims: list[dict[str, object]] = []
     pairs: list[dict[str, object]] = []
     for number, (a, b) in enumerate(poses):

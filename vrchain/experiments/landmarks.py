@@ -33,7 +33,7 @@ class Look:
 
 def claims_of(
     looks: Iterable[tuple[Look, Look]],
-    scene: Scene,
+    truth: GroundTruth,
     rig: CameraRig,
     config: MatchConfig | None = None,
 ) -> pd.DataFrame:
@@ -43,7 +43,6 @@ def claims_of(
     (right, and the landmark co-visible), duplicate, twin, quality_m, support, object. A pair
     without a claim has one row, NaN from score on.
     """
-    truth = GroundTruth(scene)
     rows: list[dict[str, object]] = []
     for number, (a, b) in enumerate(looks):
         poses, features = (a.pose, b.pose), (a.features, b.features)

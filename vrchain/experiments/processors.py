@@ -16,24 +16,31 @@ from numpy.typing import NDArray
 
 from vrchain.errors import VRChainError
 
-# what each is told: torch, oneDNN, numpy, OpenBLAS, OpenCV, llvmpipe, and VRChain's network
+# what each is told: torch, the C library, llvmpipe, numpy, oneDNN, OpenBLAS, OpenCV with its IPP,
+# and VRChain's network
 PROCESSORS: dict[str, dict[str, str]] = {
     "this": {},
-    "AVX2, no bfloat16": {
+    # Intel since Haswell (2013), AMD EPYC before Zen 4: no AVX-512, no bfloat16
+    "AVX2": {
         "ATEN_CPU_CAPABILITY": "avx2",
-        "ONEDNN_MAX_CPU_ISA": "AVX2",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V4",
-        "OPENBLAS_CORETYPE": "Haswell",
         "LP_NATIVE_VECTOR_WIDTH": "256",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V4 AVX512_ICL AVX512_SPR",
+        "ONEDNN_MAX_CPU_ISA": "AVX2",
+        "OPENBLAS_CORETYPE": "Haswell",
+        "OPENCV_CPU_DISABLE": "AVX512-SKX",
+        "OPENCV_IPP": "avx2",
         "VRCHAIN_BFLOAT16": "0",
     },
+    # Intel Nehalem (2008), the least that numpy runs on: no AVX, no fused multiply-add either
     "SSE4": {
         "ATEN_CPU_CAPABILITY": "default",
-        "ONEDNN_MAX_CPU_ISA": "SSE41",
-        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4",
-        "OPENBLAS_CORETYPE": "Nehalem",
-        "OPENCV_CPU_DISABLE": "AVX2,FMA3,AVX,FP16",
+        "GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA",
         "LP_NATIVE_VECTOR_WIDTH": "128",
+        "NPY_DISABLE_CPU_FEATURES": "X86_V3 X86_V4 AVX512_ICL AVX512_SPR",
+        "ONEDNN_MAX_CPU_ISA": "SSE41",
+        "OPENBLAS_CORETYPE": "Nehalem",
+        "OPENCV_CPU_DISABLE": "SSE4.1,SSE4.2,AVX,FP16,AVX2,AVX512-SKX",
+        "OPENCV_IPP": "sse42",
         "VRCHAIN_BFLOAT16": "0",
     },
 }

@@ -7,7 +7,9 @@ import json
 import pickle
 import tempfile
 from collections.abc import Callable, Iterable, Sequence
+from contextlib import ExitStack
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
@@ -27,6 +29,7 @@ from vrchain.experiments.results import (
     suburb,
 )
 from vrchain.experiments.scenes import suburbs
+from vrchain.experiments.workers import each
 from vrchain.extras import require
 from vrchain.files import output_folder
 from vrchain.geometry import Pose
@@ -37,6 +40,7 @@ from vrchain.navigation.terms import MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.render import Renderer
 from vrchain.scene import load_spec
+from vrchain.truth import GroundTruth
 
 _TEAM_M = (2.0, 20.0)  # between R1 and R2, for a common landmark to be sought
 
@@ -96,17 +100,17 @@ def run_landmarks(results: Results, folder: Path) -> str:
     """How good common landmarks are: between R1's and R2's panoramas; over distance, by variant."""
     profile = results.profile
     surveyed, payloads = _surveyed(results)
-    summaries = []
+    truth, summaries = GroundTruth(suburb()), []
     for n in profile.positions:
         looks = _looks(_team_pairs(surveyed[:n], profile.survey_pairs), surveyed, payloads)
-        claims = landmarks.claims_of(looks, suburb(), profile.rig)
+        claims = landmarks.claims_of(looks, truth, profile.rig)
         claims.to_csv(folder / f"survey_{n}.csv", index=False)
         summaries.append({"positions": n, **landmarks.summarise(claims)})
     pd.DataFrame(summaries).to_csv(folder / "survey_summary.csv", index=False)
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         claims, pairs = landmark_bands.over_distance(
             suburbs(load_spec(SCENE)), profile.pairs_a_band, profile.bands_m,
-            seed=profile.seed, folder=Path(scratch), rig=profile.fine_rig,
+            seed=profile.seed, folder=Path(scratch), rig=profile.fine_rig, jobs=None,
         )  # fmt: skip
     found = landmark_bands.by_band(claims, pairs)
     tables = {"pairs": claims, "pairs_drawn": pairs, "pairs_summary": found}
@@ -124,34 +128,46 @@ def _listed(shares: pd.Series) -> str:
     return " ".join("-" if np.isnan(share) else f"{share:.2f}" for share in shares)
 
 
+def _no_pictures(run: mission.MissionRun, folder: Path) -> None:
+    pass
+
+
 def run_mission(
     results: Results,
     folder: Path,
-    draw: Callable[[mission.MissionRun, Path], object] = lambda run, folder: None,
+    draw: Callable[[mission.MissionRun, Path], object] = _no_pictures,
 ) -> str:
     """Some missions; ``draw`` may add pictures of each to its folder.
 
     All outcomes are in missions.csv. Pictures elsewhere show the first that truly arrived, of those
     the first that drove a chain, if one did.
     """
-    profile, runs = results.profile, []
-    config = MissionConfig(limit_s=profile.mission_s)
-    for seed in range(profile.seed, profile.seed + profile.missions):
-        own = folder / f"seed_{seed}"
-        own.mkdir()
-        run = mission.run(
-            suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config
-        )
-        mission.save_log(run, own)
-        draw(run, own)
-        runs.append(run)
+    profile = results.profile
+    seeds = range(profile.seed, profile.seed + profile.missions)
+    runs = each(partial(_mission, profile, folder, draw), seeds, None, "missions")
     outcomes = pd.DataFrame([{"seed": profile.seed + k, **r.summary()} for k, r in enumerate(runs)])
     outcomes.to_csv(folder / "missions.csv", index=False)
     shown = max(runs, key=lambda r: (r.success, bool(r.result.plans)))  # the first of equals
     with open(folder / "run.pickle", "wb") as file:
-        pickle.dump(replace(shown, scene=None), file)  # type: ignore[arg-type]
+        pickle.dump(shown, file)
     false = int((outcomes.arrived & ~outcomes.success).sum())
     return f"{outcomes.success.sum()} of {len(runs)} arrived, {false} false arrivals"
+
+
+def _mission(
+    profile: Profile,
+    folder: Path,
+    draw: Callable[[mission.MissionRun, Path], object],
+    seed: int,
+) -> mission.MissionRun:
+    """One mission in a folder of its own; the scene, which is large, is left out."""
+    own = folder / f"seed_{seed}"
+    own.mkdir()
+    config = MissionConfig(limit_s=profile.mission_s)
+    run = mission.run(suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config)
+    mission.save_log(run, own)
+    draw(run, own)
+    return replace(run, scene=None)  # type: ignore[arg-type]
 
 
 STAGES: dict[str, Stage] = {
@@ -161,6 +177,7 @@ STAGES: dict[str, Stage] = {
     "landmarks": run_landmarks,
     "mission": run_mission,
 }
+AT_ONCE = ("survey", "mission")  # neither needs the other's results, or measures times
 NEEDS = {
     "update": ("survey",),
     "retrieval": ("survey", "update"),
@@ -183,10 +200,12 @@ def reproduce(
     names: Sequence[str] = (),
     stages: dict[str, Stage] = STAGES,
     tell: Callable[[str], object] = print,
+    jobs: int | None = 1,
 ) -> None:
     """Run the named stages (all, if none is named) in their order, telling of each in one line.
 
     Results that a stage goes on from are taken as they are; it is told if other code made them.
+    jobs: processes for stages that can run at once, see ``workers.each``.
     ReproductionError, before anything is run, if there is no such stage, if a library that a stage
     needs is not installed, or if what it needs is neither there nor about to be made.
     """
@@ -205,12 +224,28 @@ def reproduce(
     for stage in chosen:
         require(*LIBRARIES.get(stage, ()), what=f"the stage {stage}", error=ReproductionError)
     tell_of_other_code(results, [stage for stage in stages if stage in needed], tell)
-    for stage in chosen:
-        start = perf_counter()
-        with output_folder(results.folder / stage, MARKER) as folder:
-            said = stages[stage](results, folder)
-            (folder / MARKER).write_text(results.marker(stage))
-        tell(f"{stage:10} {said} ({perf_counter() - start:.1f} s)")
+    at_once = [stage for stage in chosen if stage in AT_ONCE]
+    others = [[stage] for stage in chosen if stage not in AT_ONCE]
+    said: dict[str, str] = {}
+    for group in [at_once, *others] if at_once else others:
+        with ExitStack() as opened:  # here, so that a process that is ended leaves nothing
+            folders = [
+                opened.enter_context(output_folder(results.folder / stage, MARKER))
+                for stage in group
+            ]
+            work = partial(_run, results, [stages[stage] for stage in group], folders)
+            lines = each(work, range(len(group)), jobs, "stages")
+            for stage, folder, line in zip(group, folders, lines, strict=True):
+                (folder / MARKER).write_text(results.marker(stage))
+                said[stage] = f"{stage:10} {line}"
+        while chosen and chosen[0] in said:
+            tell(said[chosen.pop(0)])
+
+
+def _run(results: Results, stages: Sequence[Stage], folders: Sequence[Path], number: int) -> str:
+    start = perf_counter()
+    said = stages[number](results, folders[number])
+    return f"{said} ({perf_counter() - start:.1f} s)"
 
 
 def tell_of_other_code(

@@ -7,26 +7,33 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
-from typing import Any
+from typing import Any, TypeVar
 
 from tqdm.auto import tqdm
 
 from vrchain.memory import keep_freed_memory
 
 MOST = 4  # processes, if nobody says how many: each holds a scene
+# For each of several processes that share the cores: more threads would wait for one another.
+ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
+
+Found = TypeVar("Found")
 
 
-def each(work: Callable[[int], None], numbers: Sequence[int], jobs: int | None, what: str) -> None:
-    """Do ``work``, which keeps what it finds, of every number; one job does it in this process.
+def each(
+    work: Callable[[int], Found], numbers: Sequence[int], jobs: int | None, what: str
+) -> list[Found]:
+    """What ``work`` finds of every number, in their order; one job does it in this process.
 
-    jobs: by default as many as there are cores, at most four. Broken off, or when one fails, all
-    are ended at once.
+    jobs: by default as many as there are cores, at most four; one in a process that is itself one
+    of these. Broken off, or when one fails, all are ended at once.
     """
+    if parent_process() is not None:
+        jobs = 1
+    hidden = True if len(numbers) == 1 else None  # None: shown on a terminal
     jobs = min(jobs or min(os.cpu_count() or 1, MOST), len(numbers))
     if jobs <= 1:
-        for number in tqdm(numbers, desc=what, unit="", disable=None):
-            work(number)
-        return
+        return [work(number) for number in tqdm(numbers, desc=what, unit="", disable=hidden)]
     # a new process each: what draws and learns must not be forked
     context = get_context("spawn")
     with (
@@ -38,9 +45,10 @@ def each(work: Callable[[int], None], numbers: Sequence[int], jobs: int | None, 
         try:
             begun = [pool.submit(work, number) for number in numbers]
             for done in tqdm(
-                as_completed(begun), desc=what, unit="", total=len(begun), disable=None
+                as_completed(begun), desc=what, unit="", total=len(begun), disable=hidden
             ):
                 done.result()
+            return [done.result() for done in begun]
         except BaseException:
             for process in active_children():
                 process.terminate()
@@ -56,8 +64,7 @@ def _alone_on_a_core(scratch: str) -> None:
     tempfile.tempdir = scratch
     keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    for threads in ("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"):
-        os.environ[threads] = "1"
+    os.environ.update(ONE_THREAD)
 
 
 def _end_with(parent: Any) -> None:

@@ -6,17 +6,20 @@ A script has ``draw(results)``, which returns the figure and the table of what i
 import runpy
 import shutil
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 
 import pandas as pd
 from matplotlib.figure import Figure
-from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
 from vrchain.experiments.results import ADVERTISED, Results
+from vrchain.experiments.workers import each
 from vrchain.memory import keep_freed_memory
 from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
+
+TIMED = ("flood",)  # measures times when it is drawn, so it is drawn alone
 
 Draw = Callable[[Results], tuple[Figure, pd.DataFrame]]
 
@@ -40,25 +43,32 @@ def run_script(script: str, draw: Draw) -> None:
 
 
 def run_scripts(
-    results: Results, folder: Path, names: Sequence[str] = (), scripts: Path = FIGURES
+    results: Results,
+    folder: Path,
+    names: Sequence[str] = (),
+    scripts: Path = FIGURES,
+    jobs: int | None = 1,
 ) -> list[str]:
     """Draw the named figures (all, if none is named) into a folder; their names.
 
     One that fails does not keep the others from being drawn. FigureError then, or if there is no
-    such figure.
+    such figure. jobs: see ``workers.each``.
     """
     known = figure_names(scripts)
     for name in names:
         if name not in known:
             raise FigureError(f"expected figures of {', '.join(known)}, got {name!r}")
-    chosen, failed = list(names) or known, []
-    for name in tqdm(chosen, desc="figures", unit="", disable=None):
-        try:
-            draw: Draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
-            figure, table = draw(results)
-            save_figure(figure, table, folder / name)
-        except Exception as error:  # a script may fail in any way; say so and go on
-            failed.append(f"{name}: {type(error).__name__}: {' '.join(str(error).split())}")
+    chosen = list(names) or known
+    timed = [name for name in chosen if name in TIMED]
+    others = [name for name in chosen if name not in TIMED]
+    failed = [
+        complaint
+        for own, at_once in ((others, jobs), (timed, 1))
+        for complaint in each(
+            partial(_draw, results, folder, scripts, own), range(len(own)), at_once, "figures"
+        )
+        if complaint
+    ]
     if failed:
         print("\n".join(["could not draw", *failed]))
         names_only = ", ".join(line.partition(":")[0] for line in failed)
@@ -66,9 +76,21 @@ def run_scripts(
     return chosen
 
 
+def _draw(results: Results, folder: Path, scripts: Path, names: Sequence[str], number: int) -> str:
+    """Draw one of the figures; what kept it from being drawn, in a line."""
+    name = names[number]
+    try:
+        draw: Draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
+        figure, table = draw(results)
+        save_figure(figure, table, folder / name)
+    except Exception as error:  # a script may fail in any way; say so and go on
+        return f"{name}: {type(error).__name__}: {' '.join(str(error).split())}"
+    return ""
+
+
 def run_figures(results: Results, folder: Path) -> str:
     """The stage ``figures``: all of them, in a checkout also beside their scripts."""
-    drawn = run_scripts(results, folder)
+    drawn = run_scripts(results, folder, jobs=None)
     beside = results.profile.name in ADVERTISED and not INSTALLED
     if beside:
         for path in sorted(folder.iterdir()):
