@@ -146,13 +146,18 @@ def test_the_folder_of_a_panorama_is_published_as_robots_do() -> None:
     seen.save(Path("seen"))
     text("init", "L", "--member", "R1")
     text("append", "L", "R1", "seen")
+    assert answer("verify", "L", "--landmarks")["landmark_records"] == 1
     text("append", "L", "R1", "seen", "--landmarks", "payload")
+    with pytest.raises(errors.DamagedError, match="R1's newest landmark record is not what its"):
+        text("verify", "L", "--landmarks")
+    text("verify", "L")  # whoever trusts a member's landmarks is not told otherwise
     Path("payload").write_bytes(b"")
     text("append", "L", "R1", "seen", "--landmarks", "payload")
     with Ledger.open("L") as ledger:
         first, last, bare = ledger.history("R1")
         assert ledger.payload(first.payload_digest) == seen.encode()
-        assert ledger.payload(first.landmarks_digest) == encode_record(examine(seen))
+        as_others_see = Panorama.decode(seen.encode())
+        assert ledger.payload(first.landmarks_digest) == encode_record(examine(as_others_see))
         assert last.payload_digest == first.payload_digest
         assert ledger.payload(last.landmarks_digest) == b"bytes"
         assert ledger.payload(bare.landmarks_digest) == b""  # what was given, and no other
