@@ -84,7 +84,7 @@ def _compute(spec: Path, mission: Path, n_pairs: int, seed: int, file: Path) -> 
     from vrchain.experiments.landmarks import draw_pairs
     from vrchain.landmarks.joint import compare_joint
     from vrchain.landmarks.raster import picture_of
-    from vrchain.landmarks.record import encode_record, examine
+    from vrchain.landmarks.record import encode_record, examine, read_parts
     from vrchain.landmarks.sift import extract
     from vrchain.landmarks.weights import load_network
     from vrchain.panorama import CameraRig
@@ -104,7 +104,8 @@ def _compute(spec: Path, mission: Path, n_pairs: int, seed: int, file: Path) -> 
             found["pixels"].append(panorama.views.tobytes())
             found["keypoints"] += [x.tobytes() for x in (*numbers, features.descriptors)]
             found["network"] += [x.tobytes() for x in network(picture_of(panorama)).values()]
-            found["record"].append(encode_record(records[-1]))
+            *_, parts = read_parts(encode_record(records[-1]))
+            found["record"] += [part.tobytes() for part in parts.values()]  # uncompressed
         for claim in compare_joint(records[0], records[1]).common:
             found["claims"].append(f"{claim.a.bearing_rad} {claim.b.bearing_rad}\n".encode())
     found["mission"] = _first_minute(mission, seed)

@@ -228,7 +228,7 @@ def _whole(name: str, fixed: _Fixed, numbers: Array) -> NDArray[np.integer]:
 
 def decode_record(blob: bytes) -> LandmarkRecord:
     """The record in some bytes; ImageError if they are not exactly one."""
-    header, rig, moved, part = _read(blob)
+    header, rig, moved, part = read_parts(blob)
     n = len(part["kind"])
     numbers = {name: part[name] * fixed.step for name, fixed in _NUMBERS.items()}
     range_m, kinds, grid = numbers["range_m"], part["kind"].astype(np.int64), part["grid"]
@@ -261,7 +261,7 @@ def agree(told: bytes, again: bytes) -> bool:
     Their numbers may differ by one step, at the edge where they are rounded; how the robot moved is
     not asked. ImageError if one is no record.
     """
-    (header, *_, part), (other_header, *_, other) = _read(told), _read(again)
+    (header, *_, part), (other_header, *_, other) = read_parts(told), read_parts(again)
     headers = [{k: v for k, v in h.items() if k != "moved"} for h in (header, other_header)]
     if headers[0] != headers[1]:
         return False
@@ -274,8 +274,11 @@ def agree(told: bytes, again: bytes) -> bool:
     return True
 
 
-def _read(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDArray]]:
-    """Header, rig, how the robot moved, and all else as whole numbers."""
+def read_parts(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDArray]]:
+    """Header, rig, how the robot moved, and all else as whole numbers, by name.
+
+    ImageError if the bytes are not exactly one record.
+    """
     start = len(_MAGIC) + 4
     if not blob.startswith(_MAGIC) or len(blob) < start:
         raise ImageError("expected a landmark record, got other bytes")
