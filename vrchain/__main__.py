@@ -1,0 +1,5 @@
+"""``python -m vrchain``: the same as the command ``vrchain``."""
+
+from vrchain.cli import main
+
+main()
