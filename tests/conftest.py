@@ -2,12 +2,15 @@
 
 import fcntl
 import os
+import tempfile
 
 import pytest
 from hypothesis import settings
 
 # Draw without a display; has to be set before pyrender is first imported.
 os.environ.setdefault("PYOPENGL_PLATFORM", "egl")
+# What this checkout has made is nothing to the tests.
+os.environ["VRCHAIN_BUILD"] = f"{tempfile.gettempdir()}/vrchain-tests-{os.getpid()}"
 
 from vrchain.experiments.workers import ONE_THREAD
 

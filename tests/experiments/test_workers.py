@@ -107,6 +107,33 @@ def test_whatever_ends_it_ends_all(how: signal.Signals, tmp_path: Path) -> None:
     assert not any(map(_lives, workers))
 
 
+def test_ctrl_c_while_a_process_is_started_is_told_by_no_traceback() -> None:
+    """The process would find its orders cut short, and say so in many lines."""
+    code = (
+        "import os, signal; from multiprocessing import util\n"
+        "from vrchain.experiments.workers import each\n"
+        "start = util.spawnv_passfds\n"
+        "def interrupted(*arguments):\n"
+        "    begun = start(*arguments)\n"
+        "    if b'spawn_main' in b' '.join(map(os.fsencode, arguments[1])):\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "    return begun\n"
+        "if __name__ == '__main__':\n"
+        "    util.spawnv_passfds = interrupted\n"
+        "    signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "    try:\n"
+        "        each(abs, [2, 3], 2, 'numbers')\n"
+        "    except KeyboardInterrupt:\n"
+        "        print('interrupted')\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], env={**os.environ, "PYTHONPATH": str(ROOT)},
+        capture_output=True, text=True, timeout=60, check=False,
+    )  # fmt: skip
+    assert (done.stdout, done.returncode) == ("interrupted\n", 0)
+    assert "Traceback" not in done.stderr
+
+
 def _lives(worker: int) -> bool:
     try:
         status = Path(f"/proc/{worker}/stat").read_text()

@@ -3,8 +3,9 @@
 import os
 import signal
 import tempfile
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
 from typing import Any, TypeVar
@@ -16,6 +17,7 @@ from vrchain.memory import keep_freed_memory
 MOST = 4  # processes, if nobody says how many: each holds a scene
 # For each of several processes that share the cores: more threads would wait for one another.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
+_ENDING = {signal.SIGINT, signal.SIGTERM}
 
 Found = TypeVar("Found")
 
@@ -43,7 +45,8 @@ def each(
         ) as pool,
     ):
         try:
-            begun = [pool.submit(work, number) for number in numbers]
+            with _uninterrupted():
+                begun = [pool.submit(work, number) for number in numbers]
             for done in tqdm(
                 as_completed(begun), desc=what, unit="", total=len(begun), disable=hidden
             ):
@@ -55,6 +58,16 @@ def each(
             raise
 
 
+@contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Signals wait: a process that is only half started would complain in many lines."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
 def _alone_on_a_core(scratch: str) -> None:
     """One thread, before libraries start theirs; the first process alone hears Ctrl-C.
 
@@ -64,6 +77,7 @@ def _alone_on_a_core(scratch: str) -> None:
     tempfile.tempdir = scratch
     keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
     os.environ.update(ONE_THREAD)
 
 
