@@ -15,9 +15,12 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from vrchain.errors import SpecError
+from vrchain.experiments.processors import PROCESSORS
+from vrchain.experiments.scenes import spec_of
 from vrchain.geometry import Pose
 from vrchain.paths import ROOT, SCENES
 from vrchain.scene import Scene, SceneObject, build_scene, load_scene, load_spec
+from vrchain.scene.ground import build_ground
 from vrchain.scene.layout import draw_layout
 from vrchain.scene.site import Candidate
 from vrchain.scene.spec import SceneSpec, parse_spec
@@ -227,14 +230,17 @@ def test_a_robot_gets_everywhere(suburb: Scene) -> None:
     assert suburb.clearance_m([(10.0, 0.0)])[0] > 1.0
 
 
-def printed_by_a_fresh_process(code: str) -> str:
-    """What ``code`` prints, which finds this folder's modules, with hashes of another seed."""
+def printed_by_a_fresh_process(code: str, **told: str) -> str:
+    """What ``code`` prints, which finds this folder's modules, with hashes of another seed.
+
+    told: more of its environment.
+    """
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, sys.argv[1]);{code}",
          str(Path(__file__).parent)],
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT)},
+        env={**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT), **told},
         check=True,
     )  # fmt: skip
     return done.stdout
@@ -246,6 +252,19 @@ def test_one_seed_gives_the_same_bytes_in_a_fresh_process(suburb: Scene) -> None
         "print(digest(load_scene(SUBURB)))"
     )
     assert printed_by_a_fresh_process(code).strip() == digest(suburb)
+
+
+def ground_digest() -> str:
+    """Of the ground of a suburb whose lawns were cut otherwise by another arctan2."""
+    spec = spec_of(load_spec(SUBURB), 10_000, 0)
+    ground = build_ground(draw_layout(spec), spec.extent_m, spec.season, generator(0, "ground"))
+    corners = b"".join(s.vertices_m.tobytes() for o in ground for s in o.surfaces)
+    return hashlib.sha256(corners).hexdigest()
+
+
+def test_ground_is_cut_alike_by_other_processors() -> None:
+    code = "from test_suburb import ground_digest; print(ground_digest())"
+    assert printed_by_a_fresh_process(code, **PROCESSORS["AVX2"]).strip() == ground_digest()
 
 
 SMALL = {

@@ -38,7 +38,8 @@ class Street:
         """The point ``along_m`` the line, ``aside_m`` to its left, (2,), and the heading there."""
         # A negative distance would count from the line's end.
         a, b = (self.line.interpolate(max(along_m + d, 0.0)) for d in (-0.5, 0.5))
-        heading = float(np.arctan2(b.y - a.y, b.x - a.x))
+        # Rounded: processors' arctan2 differ in the last bit, and by that how ground is cut.
+        heading = round(float(np.arctan2(b.y - a.y, b.x - a.x)), 12)
         middle = np.array([(a.x + b.x) / 2, (a.y + b.y) / 2])
         return middle + aside_m * np.array([-np.sin(heading), np.cos(heading)]), heading
 
