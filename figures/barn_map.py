@@ -3,10 +3,10 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results, barn
-from vrchain.experiments.sightings import sightings_table, team_sightings
+from vrchain.experiments.reproduction.results import Results, barn
 from vrchain.plots.chain import chain_map, chain_of
 from vrchain.plots.scripts import run_script
+from vrchain.simulation.sightings import sightings_table, team_sightings
 
 
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:

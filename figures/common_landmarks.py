@@ -3,13 +3,13 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.landmarks import draw_pairs
-from vrchain.experiments.results import Results, suburb
-from vrchain.landmarks.variants import DEFAULT, compared, variant_named
+from vrchain.experiments.landmarks.pairs import draw_pairs
+from vrchain.experiments.reproduction.results import Results, suburb
+from vrchain.landmarks.matching.variants import DEFAULT, compared, variant_named
 from vrchain.panorama import CameraRig
 from vrchain.plots.pictures import claims_table, common_landmarks_figure
 from vrchain.plots.scripts import run_script
-from vrchain.render import Renderer
+from vrchain.world.render import Renderer
 
 
 def draw(results: Results) -> tuple[Figure, pd.DataFrame]:

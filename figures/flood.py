@@ -5,8 +5,8 @@ from dataclasses import replace
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.flood import FloodConfig, flood, outcomes, summarise
-from vrchain.experiments.results import Results
+from vrchain.experiments.ledger.flood import FloodConfig, flood, outcomes, summarise
+from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.flood import flood_figure
 from vrchain.plots.scripts import run_script
 

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results, rig_text
+from vrchain.experiments.reproduction.results import Results, rig_text
 from vrchain.plots.quality import landmark_quality_figure
 from vrchain.plots.scripts import run_script
 

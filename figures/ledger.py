@@ -5,7 +5,7 @@ from itertools import islice
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results
+from vrchain.experiments.reproduction.results import Results
 from vrchain.ledger import Ledger
 from vrchain.plots.ledger import ledger_figure, ledger_table
 from vrchain.plots.scripts import run_script

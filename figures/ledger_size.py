@@ -3,8 +3,8 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.bloat import ledger_sizes
-from vrchain.experiments.results import Results
+from vrchain.experiments.ledger.size import ledger_sizes
+from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.ledger_size import ledger_size_figure
 from vrchain.plots.scripts import run_script
 

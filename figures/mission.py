@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results
+from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.mission import mission_figure, paths_table
 from vrchain.plots.scripts import run_script
 

@@ -4,12 +4,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results, suburb
+from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.plots.pictures import view_sheet
 from vrchain.plots.scripts import run_script
-from vrchain.render import Renderer
+from vrchain.world.render import Renderer
 
 POSE = Pose(10.0, 0.0, 0.0)
 

@@ -3,9 +3,9 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
-from vrchain.experiments.published_drives import by_team, one_drive
-from vrchain.experiments.results import Results
+from vrchain.experiments.planning.lost_segments import TASKS_A_WORLD, blocked_drives, shares
+from vrchain.experiments.planning.published_drives import by_team, one_drive
+from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.planning import TEAMS_SHOWN, planning_figure
 from vrchain.plots.scripts import run_script
 

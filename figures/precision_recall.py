@@ -3,8 +3,8 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.landmark_bands import precision_recall
-from vrchain.experiments.results import Results
+from vrchain.experiments.landmarks.bands import precision_recall
+from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.quality import precision_recall_figure
 from vrchain.plots.scripts import run_script
 

@@ -3,13 +3,13 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results, suburb
+from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.geometry import Pose
-from vrchain.landmarks.record import examine
+from vrchain.landmarks.extraction.record import examine
 from vrchain.panorama import CameraRig
 from vrchain.plots.landmarks import proposals_figure, proposals_table
 from vrchain.plots.scripts import run_script
-from vrchain.render import Renderer
+from vrchain.world.render import Renderer
 
 POSE = Pose(10.0, 0.0, 0.0)  # as in the figure of the panorama
 

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.results import Results, suburb
+from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.plots.maps import scene_map
 from vrchain.plots.scripts import run_script
 

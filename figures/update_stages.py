@@ -3,8 +3,8 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.latency import STAGES
-from vrchain.experiments.results import Results
+from vrchain.experiments.ledger.latency import STAGES
+from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.latency import update_stages_figure
 from vrchain.plots.scripts import run_script
 

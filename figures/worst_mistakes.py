@@ -3,15 +3,15 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.landmarks import draw_pairs
-from vrchain.experiments.results import Results, suburb
+from vrchain.experiments.landmarks.pairs import draw_pairs
+from vrchain.experiments.reproduction.results import Results, suburb
+from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 from vrchain.landmarks.quality import judge
-from vrchain.landmarks.variants import DEFAULT, variant_named
 from vrchain.panorama import CameraRig
 from vrchain.plots.landmarks import Mistake, mistakes_figure
 from vrchain.plots.scripts import run_script
-from vrchain.render import Renderer
-from vrchain.truth import GroundTruth
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
 
 SHOWN = 5
 SPACING_M = (5.0, 40.0)

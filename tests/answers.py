@@ -4,8 +4,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.proposer import BEARING_UNIT_RAD, RANGE_UNIT_M
-from vrchain.landmarks.raster import CELL_PX, COLUMNS, ROWS, cell_bearings_rad, cell_slopes
+from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, RANGE_UNIT_M
+from vrchain.landmarks.extraction.raster import (
+    CELL_PX,
+    COLUMNS,
+    ROWS,
+    cell_bearings_rad,
+    cell_slopes,
+)
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 

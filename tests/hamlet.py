@@ -9,9 +9,9 @@ import worlds
 from numpy.typing import NDArray
 
 from vrchain.geometry import rotation_z
-from vrchain.scene.model import Scene, SceneObject
 from vrchain.seeding import generator
-from vrchain.truth import GroundTruth
+from vrchain.world.model import Scene, SceneObject
+from vrchain.world.truth import GroundTruth
 
 GOAL = "house 4"
 

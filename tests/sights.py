@@ -8,12 +8,12 @@ import worlds
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.sift import Features, extract
+from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.render import Renderer
-from vrchain.scene.model import Scene
 from vrchain.seeding import generator
-from vrchain.truth import GroundTruth
+from vrchain.world.model import Scene
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
 
 Array = NDArray[np.float64]
 RIG = CameraRig(n_views=8, width_px=320, height_px=240)  # enough for SIFT, and quick

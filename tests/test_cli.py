@@ -20,7 +20,7 @@ from worlds import ROOT
 
 from vrchain.cli import main
 from vrchain.paths import SCENES
-from vrchain.scene import load_scene
+from vrchain.world import load_scene
 
 SUBURB = SCENES / "suburb.yaml"
 BARN = SCENES / "barn.yaml"  # built in a fifth of the time
@@ -314,7 +314,7 @@ def test_what_needs_no_scene_is_refused_before_one_is_built(
     def built(*_: object, **__: object) -> None:
         raise AssertionError("a scene is built")
 
-    for module in ("vrchain.scene.suburb", "vrchain.experiments.scenes"):
+    for module in ("vrchain.world.build", "vrchain.experiments.scenes"):
         monkeypatch.setattr(f"{module}.build_scene", built)
     (tmp_path / "link.png").symlink_to("nowhere")
     command, *rest = arguments

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from worlds import ROOT
 
 from vrchain.errors import OutputError
-from vrchain.experiments.results import PROFILES, Results
+from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts

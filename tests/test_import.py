@@ -13,9 +13,9 @@ HEAVY = {"torch", "open3d", "pyrender", "OpenGL", "matplotlib", "matplotlib.pypl
 
 # Themselves imported only when something is drawn, or a network is at work.
 IMPORTED_LATE = (
-    "vrchain.render.drawer",
-    "vrchain.landmarks.exact",
-    "vrchain.landmarks.network",
+    "vrchain.world.render.drawer",
+    "vrchain.landmarks.extraction.exact",
+    "vrchain.landmarks.extraction.network",
     "vrchain.landmarks.training.learn",
     "vrchain.landmarks.training.losses",
     "vrchain.landmarks.training.profiles",

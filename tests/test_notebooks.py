@@ -9,7 +9,7 @@ from pages import fetched
 
 from vrchain.cli import notebooks
 from vrchain.cli.notebooks import NotebookError, execute
-from vrchain.experiments.results import PROFILES, Results
+from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.paths import NOTEBOOKS
 
 NAMES = [

@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from vrchain.errors import SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.render import Renderer
 from vrchain.robot import (
     MAX_SPEED_M_S,
     MAX_TURN_RAD_S,
@@ -24,9 +23,10 @@ from vrchain.robot import (
     steer,
     wander,
 )
-from vrchain.scene.model import ROBOT_RADIUS_M
 from vrchain.seeding import generator
-from vrchain.simulator import Simulator
+from vrchain.simulation.simulator import Simulator
+from vrchain.world.model import ROBOT_RADIUS_M
+from vrchain.world.render import Renderer
 
 OPEN_RING = np.full(72, 8.0)
 BEAMS = 2 * np.pi * np.arange(72) / 72

@@ -15,10 +15,10 @@ from pages import fetched, frames
 
 from vrchain.cli.notebooks import execute
 from vrchain.errors import OutputError
-from vrchain.experiments.results import PROFILES, Results
+from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.geometry import Pose
-from vrchain.scene.model import Scene
 from vrchain.viewer import view
+from vrchain.world.model import Scene
 
 
 def scene() -> Scene:

@@ -12,7 +12,7 @@ import pytest
 from test_cli import everything
 from worlds import ROOT
 
-from vrchain.experiments.results import MARKER
+from vrchain.experiments.reproduction.results import MARKER
 from vrchain.extras import REQUIREMENTS
 
 HIDE = """
@@ -136,7 +136,7 @@ def test_the_evaluation_runs_from_the_wheel(site: Path, empty: Path) -> None:
     assert len(list((empty / "figures").iterdir())) == 3
     code = (
         "from pathlib import Path; from vrchain.cli.notebooks import NOTEBOOKS, execute; "
-        "from vrchain.experiments.results import Results; "
+        "from vrchain.experiments.reproduction.results import Results; "
         "execute(NOTEBOOKS / '04_ledger.ipynb', Path('out').absolute(), Results.here('smoke'))"
     )
     environment = {**os.environ, "PYTHONPATH": str(site), "PYTHONDONTWRITEBYTECODE": "1"}

@@ -13,9 +13,9 @@ from numpy.typing import NDArray
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.robot import Drive, Observation
-from vrchain.scene.model import Scene, SceneObject, Surface, place
 from vrchain.seeding import generator
-from vrchain.simulator import Simulator
+from vrchain.simulation.simulator import Simulator
+from vrchain.world.model import Scene, SceneObject, Surface, place
 
 SMALL_RIG = CameraRig(n_views=8, width_px=160, height_px=120)
 ROOT = Path(__file__).resolve().parents[1]

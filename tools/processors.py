@@ -17,14 +17,11 @@ RECOGNITION = [
     "tests/landmarks",
     "tests/navigation",
     "tests/homing",
-    *(
-        f"tests/experiments/test_{name}.py"
-        for name in (
-            "mission", "navigation", "team", "search", "goal_sights", "landmarks",
-            "landmark_evaluation", "photographs", "distinctiveness", "homing_evaluation",
-        )
-    ),
-]  # fmt: skip
+    "tests/simulation",
+    "tests/experiments/homing",
+    "tests/experiments/landmarks",
+    "tests/experiments/missions",
+]
 
 
 def main(arguments: list[str]) -> None:

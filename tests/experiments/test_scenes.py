@@ -5,7 +5,7 @@ import pytest
 from vrchain.errors import VRChainError
 from vrchain.experiments.scenes import scenes_of, spec_of, suburbs
 from vrchain.paths import SCENES
-from vrchain.scene.spec import SceneSpec
+from vrchain.world.spec import SceneSpec
 
 
 def test_suburbs_of_a_seed_are_their_own_and_the_same_again() -> None:

@@ -5,7 +5,7 @@ from sights import RIG, descriptors, directions, features_of, sight, two_views
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import HomeVector, home_vector
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.extraction.sift import Features
 from vrchain.seeding import generator
 
 HOME = Pose(0.5, -0.3, 1.0)

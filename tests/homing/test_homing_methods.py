@@ -10,7 +10,7 @@ from vrchain.errors import ImageError, MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import METHODS, Snapshot, Views, snapshot, step
 from vrchain.homing.warping import Warping
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.extraction.sift import Features
 from vrchain.panorama import CameraRig, Panorama
 
 PLACES = [

@@ -7,11 +7,11 @@ import worlds
 from sights import RIG, descriptors, directions, features_of
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import CommonLandmark, Comparison, Region
+from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.quality import Verdict, co_visible, judge
 from vrchain.panorama import CameraRig
-from vrchain.scene.model import Scene, place
-from vrchain.truth import GroundTruth
+from vrchain.world.model import Scene, place
+from vrchain.world.truth import GroundTruth
 
 GREY = worlds.plain((120, 120, 120))
 A, B = Pose(0, 0, 0.4), Pose(1, -2, -1.5)

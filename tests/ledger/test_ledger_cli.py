@@ -59,7 +59,7 @@ def test_nothing_from_a_ledger_fakes_a_line(monkeypatch: pytest.MonkeyPatch) -> 
     assert str(refused.value).isprintable() and not Path("L").exists()
     operator = simulated_key(0, "operator")
     with monkeypatch.context() as patch:
-        patch.setattr("vrchain.ledger.chain.check_new_name", lambda name: None)
+        patch.setattr("vrchain.ledger.rules.chain.check_new_name", lambda name: None)
         Ledger.create("L", {}, operator, name=ODD).close()
     first, *others = text("show", "L").splitlines()
     assert first.endswith(" yard\\nkeys     live\\x1b[2K\\u202e\\x00")
@@ -137,7 +137,7 @@ def test_from_init_to_export() -> None:
 
 def test_the_folder_of_a_panorama_is_published_as_robots_do() -> None:
     pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
-    from vrchain.landmarks.record import encode_record, examine
+    from vrchain.landmarks.extraction.record import encode_record, examine
 
     rig = CameraRig(n_views=4, width_px=96, height_px=64, field_of_view_deg=100.0)
     views = generator(0, "a panorama").integers(0, 256, (4, 64, 96, 3), dtype=np.uint8)

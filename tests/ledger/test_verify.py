@@ -15,12 +15,12 @@ import pytest
 from ledgers import KEYS, OPERATOR_KEY, PUBLIC, in_child, long_ledger, new_ledger, small_ledger
 
 from vrchain.ledger import Ledger, Offer, Transaction, Verification, errors, verify
-from vrchain.ledger.block import Entry, records_root
-from vrchain.ledger.database import all_records, insert_entry, operator_records, read_entry
 from vrchain.ledger.export import entry_json
-from vrchain.ledger.keys import DATABASE_NAME
-from vrchain.ledger.resume import read_history
-from vrchain.ledger.table import Table
+from vrchain.ledger.records.block import Entry, records_root
+from vrchain.ledger.records.keys import DATABASE_NAME
+from vrchain.ledger.records.table import Table
+from vrchain.ledger.storage.database import all_records, insert_entry, operator_records, read_entry
+from vrchain.ledger.storage.resume import read_history
 
 HEIGHT_OF_LAST = 5
 
@@ -279,7 +279,7 @@ def test_what_is_too_large_is_not_read(folder: Path, sql: str, reason: str) -> N
 def test_more_than_is_ever_read_is_not_written(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("vrchain.ledger.database._CELL_BYTES", (1 << 26) - 1000)
+    monkeypatch.setattr("vrchain.ledger.storage.database._CELL_BYTES", (1 << 26) - 1000)
     with Ledger.open(folder, writable=True) as ledger:
         drafts = [ledger.draft_transaction(robot, b"x", "view", 60) for robot in ("R1", "R2")]
         offers = [Offer(draft.signed(KEYS[draft.robot]), b"x") for draft in drafts]

@@ -7,8 +7,7 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
-
-from navigation.plains import (
+from plains import (
     CALIBRATION,
     EYES,
     GOAL_XY,
@@ -21,31 +20,21 @@ from navigation.plains import (
     beyond,
     street,
 )  # fmt: skip
+
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose, relative
-from vrchain.landmarks.common import CommonLandmark, Region
-from vrchain.landmarks.recognition import Goal
-from vrchain.landmarks.sought import sought
-from vrchain.navigation.arrival import Arrival
-from vrchain.navigation.eyes import Eyes, Look
-from vrchain.navigation.goal import GoalPictures, GoalSight
-from vrchain.navigation.graph import landmark_graph
-from vrchain.navigation.mission import (
-    MissionResult,
-    _is_idle,
-    _Mission,
-    run_mission,
-)
-from vrchain.navigation.places import Place
-from vrchain.navigation.route import Leg, Plan, Route
-from vrchain.navigation.terms import (
-    Decision,
-    MissionConfig,
-    Published,
-    panorama_name,
-    robot_of,
-)
-from vrchain.navigation.tracker import Tracker
+from vrchain.landmarks.matching.common import CommonLandmark, Region
+from vrchain.landmarks.retrieval.lookup import sought
+from vrchain.landmarks.retrieval.recognition import Goal
+from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.tracker import Tracker
+from vrchain.navigation.goal.arrival import Arrival
+from vrchain.navigation.goal.recognition import GoalPictures, GoalSight
+from vrchain.navigation.mission import MissionResult, _is_idle, _Mission, run_mission
+from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.planning.graph import landmark_graph
+from vrchain.navigation.planning.route import Leg, Plan, Route
+from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name, robot_of
 
 QUICK = MissionConfig(limit_s=200.0, explores=False)
 PATIENT = MissionConfig(explores=False)

@@ -35,7 +35,7 @@ def render(
     Times are in microseconds; ratio: the median over the reference's; bar: what the median should
     not exceed.
     """
-    from vrchain.experiments.bench_render import bench_render
+    from vrchain.experiments.rendering import bench_render
 
     table = bench_render(spec, positions, seed=seed)
     if as_json:
@@ -56,7 +56,7 @@ def landmarks(
     Times are in microseconds; reference: SIFT over whole panoramas, in turns with it; ratio: the
     median over that; bar: what the median should not exceed.
     """
-    from vrchain.experiments.bench_landmarks import bench_landmarks
+    from vrchain.experiments.landmarks.speed import bench_landmarks
 
     table = bench_landmarks(spec, positions, seed=seed)
     if as_json:
@@ -108,7 +108,7 @@ def distinct(
     of the other panorama is the same object; low, high: 95 % interval.
     """
     from vrchain.experiments import distinctiveness as experiment
-    from vrchain.scene import load_scene
+    from vrchain.world import load_scene
 
     spacings_m = spacing or list(experiment.REFERENCE)
     experiment.check_request(spacings_m, pairs)
@@ -160,9 +160,9 @@ def planner(
     intervals and the published shares beside: paths as published, and paths that truly end at the
     target (experiments.published_drives). All p, and more columns, by --json.
     """
-    from vrchain.experiments import published_drives as published
-    from vrchain.experiments.bench_planner import bench_planner
-    from vrchain.experiments.planning import TASKS_A_WORLD, blocked_drives, shares
+    from vrchain.experiments.planning import published_drives as published
+    from vrchain.experiments.planning.lost_segments import TASKS_A_WORLD, blocked_drives, shares
+    from vrchain.experiments.planning.speed import bench_planner
 
     blocked = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
     drives = published.one_drive(worlds, TASKS_A_WORLD, seed=seed)
@@ -201,7 +201,7 @@ def flood(
     over rounds; ratio: of that to the quiet one, with its 95 % interval; bar: what it should not
     exceed; refused: of the honest robots' transactions. Below: what became of the flood.
     """
-    from vrchain.experiments import flood as experiment
+    from vrchain.experiments.ledger import flood as experiment
 
     config = experiment.FloodConfig(robots=robots, phase_s=phase, rounds=rounds, seed=seed)
     measured = experiment.flood(config, kind or experiment.CONDITIONS)
@@ -235,7 +235,7 @@ def ledger(
     bar: what the ratio should not exceed. A position is one panorama of one of 10 robots; payloads
     have 200 KB up to 500 positions (a block each), 1 KB above (ten a block).
     """
-    from vrchain.experiments import bench_ledger as experiment
+    from vrchain.experiments.ledger import speed as experiment
 
     bench = experiment.bench_ledger(
         positions or experiment.POSITIONS, folder, seed=seed, rounds=rounds

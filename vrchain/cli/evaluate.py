@@ -60,8 +60,8 @@ def landmarks(
 
     Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
-    from vrchain.experiments import landmark_evaluation as evaluation
-    from vrchain.experiments.landmark_scores import as_table, summarise
+    from vrchain.experiments.landmarks import evaluation
+    from vrchain.experiments.landmarks.scores import as_table, summarise
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
@@ -101,10 +101,10 @@ def strangers(
 
     Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
-    from vrchain.experiments import landmark_evaluation as evaluation
     from vrchain.experiments.intervals import shown
+    from vrchain.experiments.landmarks import evaluation
     from vrchain.experiments.scenes import scenes_of
-    from vrchain.landmarks.variants import DEFAULT, variant_named
+    from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 
     _check_seed(seed, allow_training_seeds)
     found = evaluation.strangers(
@@ -129,7 +129,7 @@ def photographs(
 
     Without a folder: print how eight settings do on rendered views.
     """
-    from vrchain.experiments.photographs import choose, compare_folders
+    from vrchain.experiments.landmarks.photographs import choose, compare_folders
 
     table = compare_folders(folders) if folders else choose()
     _print_rows(table, as_json)
@@ -151,7 +151,7 @@ def search(
 
     first_right: the first answer shows the goal. nobody_right: there is no answer where none does.
     """
-    from vrchain.experiments import search as experiment
+    from vrchain.experiments.landmarks import retrieval as experiment
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
@@ -198,7 +198,7 @@ def homing(
     starts whose straight way is free. Intervals: 95 %, bootstrap over suburbs. Broken off, the same
     command goes on.
     """
-    from vrchain.experiments import homing as experiment
+    from vrchain.experiments.homing import evaluation as experiment
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
@@ -277,8 +277,8 @@ def navigation(
     Minutes a mission. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes
     on.
     """
-    from vrchain.experiments import navigation as experiment
-    from vrchain.experiments import navigation_scores as scores
+    from vrchain.experiments.missions import evaluation as experiment
+    from vrchain.experiments.missions import scores
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
@@ -315,7 +315,7 @@ def goals(
     A minute or two a suburb. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command
     goes on.
     """
-    from vrchain.experiments import goal_sights as experiment
+    from vrchain.experiments.missions import goals as experiment
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)

@@ -22,7 +22,6 @@ from vrchain.ledger import (
     save_key,
 )
 from vrchain.ledger import verify as verify_ledger
-from vrchain.ledger.encoding import MAX_PAYLOAD_BYTES
 from vrchain.ledger.errors import (
     ClockSkewError,
     DamagedError,
@@ -35,8 +34,9 @@ from vrchain.ledger.errors import (
     TooLargeError,
 )
 from vrchain.ledger.export import entry_json, record_json
-from vrchain.ledger.membership import OPERATOR, check_member_name
-from vrchain.ledger.transaction import NO_BLOB
+from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES
+from vrchain.ledger.records.membership import OPERATOR, check_member_name
+from vrchain.ledger.records.transaction import NO_BLOB
 
 _PICTURES = "pictures.json"  # the table beside exported pictures
 _DAY_NS = 86_400_000_000_000
@@ -405,7 +405,7 @@ def _read_payload(file: Path) -> bytes:
 
 def _panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
     """A saved panorama as it is published, and its landmark record if that is not known."""
-    from vrchain.landmarks.record import encode_record, examine
+    from vrchain.landmarks.extraction.record import encode_record, examine
     from vrchain.panorama import Panorama
 
     blob = Panorama.load(folder).encode()
@@ -416,7 +416,7 @@ def _panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
 
 def _check_landmarks(ledger: Path) -> int:
     """How many robots' newest records were extracted again; DamagedError if one is of its own."""
-    from vrchain.landmarks.gallery import is_extracted
+    from vrchain.landmarks.retrieval.gallery import is_extracted
 
     count = 0
     with Ledger.open(ledger) as opened:

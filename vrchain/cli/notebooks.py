@@ -11,7 +11,7 @@ from pathlib import Path
 from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
-from vrchain.experiments.results import Results
+from vrchain.experiments.reproduction.results import Results
 from vrchain.experiments.workers import ONE_THREAD
 from vrchain.paths import NOTEBOOKS
 

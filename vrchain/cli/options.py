@@ -12,7 +12,7 @@ from vrchain.errors import OutputError
 from vrchain.files import check_output_file
 
 if TYPE_CHECKING:
-    from vrchain.scene.spec import SceneSpec
+    from vrchain.world.spec import SceneSpec
 
 Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
@@ -20,8 +20,8 @@ Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of t
 
 def suburb_of(spec: Path) -> "SceneSpec | None":
     """What is to be built, if it is a suburb of ours: it tells what to refuse before that."""
-    from vrchain.scene.gazebo import SUFFIXES
-    from vrchain.scene.spec import load_spec
+    from vrchain.world.gazebo import SUFFIXES
+    from vrchain.world.spec import load_spec
 
     read = None if spec.suffix.lower() in SUFFIXES else load_spec(spec)
     return read if read and read.layout == "suburb" else None

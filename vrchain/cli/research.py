@@ -27,8 +27,8 @@ def reproduce(
     Stages, in order: survey, update, retrieval, landmarks, mission, figures, notebooks.
     """
     from vrchain.cli.notebooks import run_notebooks
-    from vrchain.experiments import reproduction
-    from vrchain.experiments.results import ReproductionError, Results
+    from vrchain.experiments.reproduction import stages as reproduction
+    from vrchain.experiments.reproduction.results import ReproductionError, Results
     from vrchain.plots.mission import save_pictures
     from vrchain.plots.scripts import run_figures
 
@@ -58,8 +58,8 @@ def figures(
     ] = None,
 ) -> None:
     """Draw the figures into figures/, each as PNG, PDF and CSV."""
-    from vrchain.experiments.reproduction import tell_of_other_code
-    from vrchain.experiments.results import Results
+    from vrchain.experiments.reproduction.results import Results
+    from vrchain.experiments.reproduction.stages import tell_of_other_code
     from vrchain.paths import DRAWN
     from vrchain.plots.scripts import run_scripts
 

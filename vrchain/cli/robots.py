@@ -14,8 +14,8 @@ from vrchain.errors import OutputError
 from vrchain.files import check_output_folder, output_folder, write_file
 
 if TYPE_CHECKING:
-    from vrchain.landmarks.common import CommonLandmark
-    from vrchain.landmarks.photos import FileComparison
+    from vrchain.landmarks.matching.common import CommonLandmark
+    from vrchain.landmarks.matching.photos import FileComparison
 
 Folder = Annotated[
     Path,
@@ -39,9 +39,9 @@ def panorama(
     """Draw what a robot sees all around it: its views and the joined cylinder."""
     from vrchain.geometry import Pose
     from vrchain.panorama import MARKER, CameraRig
-    from vrchain.render import Renderer
-    from vrchain.scene import load_scene
-    from vrchain.scene.model import check_on_map
+    from vrchain.world import load_scene
+    from vrchain.world.model import check_on_map
+    from vrchain.world.render import Renderer
 
     check_output_folder(output, MARKER)
     rig = CameraRig(views, width, height, field_of_view)
@@ -76,8 +76,8 @@ def landmarks(
     Of panoramas also: in which direction B is seen from A, how it is turned, and how far it and the
     landmarks are, where that can be told.
     """
-    from vrchain.landmarks.photos import landmarks_of_files
-    from vrchain.landmarks.variants import variant_named
+    from vrchain.landmarks.matching.photos import landmarks_of_files
+    from vrchain.landmarks.matching.variants import variant_named
 
     if output is not None:
         check_picture(output)
@@ -150,12 +150,12 @@ def navigate(
     as_json: Json = False,
 ) -> None:
     """Send a robot to a goal out of its sight, by what the others put into the ledger."""
-    from vrchain.experiments import mission
-    from vrchain.experiments.task import robot_names
-    from vrchain.navigation.terms import Decision
+    from vrchain.navigation.settings import Decision
     from vrchain.plots.mission import save_pictures
     from vrchain.plots.replay import mission_gif
-    from vrchain.scene import load_scene
+    from vrchain.simulation import mission
+    from vrchain.simulation.task import robot_names
+    from vrchain.world import load_scene
 
     def tell(decision: Decision) -> None:
         if not as_json:

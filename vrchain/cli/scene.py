@@ -16,7 +16,7 @@ app = typer.Typer(no_args_is_help=True, help="Look at a scene.")
 @app.command()
 def info(spec: Spec, as_json: Json = False) -> None:
     """List a scene's objects."""
-    from vrchain.scene import load_scene
+    from vrchain.world import load_scene
 
     with doing(f"building {spec}"):
         scene = load_scene(spec)
@@ -51,7 +51,7 @@ def draw_map(
     """Draw a scene from above."""
     from vrchain.plots.maps import scene_map
     from vrchain.plots.save import png_bytes
-    from vrchain.scene import load_scene
+    from vrchain.world import load_scene
 
     check_picture(output)
     with doing(f"drawing {spec}"):
@@ -70,10 +70,10 @@ def export(
     ],
 ) -> None:
     """Write a scene as one glTF file, or a suburb of ours as a Gazebo world with its models."""
-    from vrchain.scene import load_scene, load_spec
-    from vrchain.scene.export import check_name, export_scene
-    from vrchain.scene.gazebo import SUFFIXES
-    from vrchain.scene.sdf_export import SUFFIX, export_world
+    from vrchain.world import load_scene, load_spec
+    from vrchain.world.export import check_name, export_scene
+    from vrchain.world.gazebo import SUFFIXES
+    from vrchain.world.sdf_export import SUFFIX, export_world
 
     if output.suffix.lower() == SUFFIX:
         if spec.suffix.lower() in SUFFIXES:

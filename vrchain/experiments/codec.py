@@ -16,15 +16,15 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import interval, resampled
-from vrchain.experiments.landmarks import draw_pairs
+from vrchain.experiments.landmarks.pairs import draw_pairs
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import compare
+from vrchain.landmarks.extraction.sift import extract
+from vrchain.landmarks.matching.common import compare
 from vrchain.landmarks.quality import judge, names_in_common
-from vrchain.landmarks.sift import extract
 from vrchain.panorama import CameraRig, Codec, Panorama
-from vrchain.render import Renderer
-from vrchain.scene import load_scene
-from vrchain.truth import GroundTruth
+from vrchain.world import load_scene
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
 
 LOSSLESS = Codec("png")  # what the others are held against
 CODECS = (

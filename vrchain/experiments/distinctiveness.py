@@ -14,14 +14,14 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import interval, resampled
-from vrchain.experiments.landmarks import draw_pairs
+from vrchain.experiments.landmarks.pairs import draw_pairs
 from vrchain.geometry import Pose
-from vrchain.landmarks.backbone import Backbone, Layer, load_backbone
+from vrchain.landmarks.extraction.backbone import Backbone, Layer, load_backbone
 from vrchain.landmarks.quality import co_visible
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.render import Renderer
-from vrchain.scene.model import Scene
-from vrchain.truth import GroundTruth
+from vrchain.world.model import Scene
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
 
 # The same measure in another suburb, known beforehand: share right at a spacing in metres.
 REFERENCE = {5.0: 0.83, 10.0: 0.68, 20.0: 0.41, 40.0: 0.13}

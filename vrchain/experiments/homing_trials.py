@@ -15,7 +15,7 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
-from vrchain.experiments.homing import (
+from vrchain.experiments.homing.evaluation import (
     PLACES_A_SUBURB,
     RIG,
     Free,
@@ -31,8 +31,8 @@ from vrchain.experiments.homing import (
 from vrchain.experiments.scenes import Scenes
 from vrchain.homing import METHODS, HomeVector
 from vrchain.panorama import CameraRig
-from vrchain.render import Renderer
 from vrchain.seeding import generator
+from vrchain.world.render import Renderer
 
 GRID = Grid(spacing_m=1.0)
 _SWINGS_RAD = (0.15, 0.3, 0.5, 0.8, 1.2, 3.2)

@@ -81,15 +81,15 @@ def _same(bytes_: NDArray[np.uint8], reference: NDArray[np.uint8]) -> tuple[int,
 
 def _compute(spec: Path, mission: Path, n_pairs: int, seed: int, file: Path) -> None:
     """Write what this processor makes of it, stage by stage."""
-    from vrchain.experiments.landmarks import draw_pairs
-    from vrchain.landmarks.joint import compare_joint
-    from vrchain.landmarks.raster import picture_of
-    from vrchain.landmarks.record import encode_record, examine, read_parts
-    from vrchain.landmarks.sift import extract
-    from vrchain.landmarks.weights import load_network
+    from vrchain.experiments.landmarks.pairs import draw_pairs
+    from vrchain.landmarks.extraction.raster import picture_of
+    from vrchain.landmarks.extraction.record import encode_record, examine, read_parts
+    from vrchain.landmarks.extraction.sift import extract
+    from vrchain.landmarks.extraction.weights import load_network
+    from vrchain.landmarks.matching.joint import compare_joint
     from vrchain.panorama import CameraRig
-    from vrchain.render import Renderer
-    from vrchain.scene import load_scene
+    from vrchain.world import load_scene
+    from vrchain.world.render import Renderer
 
     scene, rig, network = load_scene(spec), CameraRig(), load_network()
     renderer = Renderer(scene)
@@ -114,9 +114,9 @@ def _compute(spec: Path, mission: Path, n_pairs: int, seed: int, file: Path) -> 
 
 
 def _first_minute(spec: Path, seed: int) -> list[bytes]:
-    from vrchain.experiments import mission
-    from vrchain.navigation.terms import MissionConfig
-    from vrchain.scene import load_scene
+    from vrchain.navigation.settings import MissionConfig
+    from vrchain.simulation import mission
+    from vrchain.world import load_scene
 
     with tempfile.TemporaryDirectory() as folder:
         run = mission.run(

@@ -8,10 +8,10 @@ from functools import lru_cache, partial
 from pathlib import Path
 
 from vrchain.paths import scene_file
-from vrchain.scene import Scene, build_scene, load_scene, load_spec
-from vrchain.scene.gazebo import SUFFIXES
-from vrchain.scene.spec import SceneSpec
 from vrchain.seeding import generator
+from vrchain.world import Scene, build_scene, load_scene, load_spec
+from vrchain.world.gazebo import SUFFIXES
+from vrchain.world.spec import SceneSpec
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from vrchain.homing.landmark_vector import LandmarkVector
 from vrchain.homing.scale import ScaleSpace
 from vrchain.homing.views import HomeVector, Snapshot, Views, snapshot
 from vrchain.homing.warping import Warping
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.extraction.sift import Features
 
 __all__ = [
     "METHODS",

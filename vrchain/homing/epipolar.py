@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.homing.views import HomeVector, Views
-from vrchain.landmarks.epipolar import estimate, one_point
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.extraction.sift import Features
+from vrchain.landmarks.matching.epipolar import estimate, one_point
 
 Array = NDArray[np.float64]
 

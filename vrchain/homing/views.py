@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vrchain.errors import ImageError
 from vrchain.geometry import circular_mean_rad, wrap_angle_rad
-from vrchain.landmarks.sift import Features, extract, mutual_matches
+from vrchain.landmarks.extraction.sift import Features, extract, mutual_matches
 from vrchain.panorama import Panorama
 
 HORIZON_COLUMNS = 180

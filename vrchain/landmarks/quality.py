@@ -9,11 +9,11 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import Comparison
-from vrchain.landmarks.sift import Features
+from vrchain.landmarks.extraction.sift import Features
+from vrchain.landmarks.matching.common import Comparison
 from vrchain.panorama import CameraRig
-from vrchain.scene.pioneer import FIRST_ID
-from vrchain.truth import SKY, GroundTruth
+from vrchain.world.things.pioneer import FIRST_ID
+from vrchain.world.truth import SKY, GroundTruth
 
 CO_VISIBLE_SHARE = 0.2  # of the surface seen in the view that sees fewer, seen from the other too
 _GRID_PX = 4

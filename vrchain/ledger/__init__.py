@@ -7,10 +7,8 @@
 A payload is bytes and their SHA-256; docs/ledger-format.md says how everything is stored.
 """
 
-from vrchain.ledger.admission import Admission
-from vrchain.ledger.block import Block, Entry
-from vrchain.ledger.chain import Chain
-from vrchain.ledger.keys import (
+from vrchain.ledger.records.block import Block, Entry
+from vrchain.ledger.records.keys import (
     PublicKey,
     SigningKey,
     load_key,
@@ -18,11 +16,13 @@ from vrchain.ledger.keys import (
     save_key,
     simulated_key,
 )
-from vrchain.ledger.limits import Limits
-from vrchain.ledger.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
-from vrchain.ledger.proof import Proof, verify_proof
+from vrchain.ledger.records.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.records.proof import Proof, verify_proof
+from vrchain.ledger.records.transaction import NO_BLOB, REASONS, Offer, Transaction
+from vrchain.ledger.rules.admission import Admission
+from vrchain.ledger.rules.chain import Chain
+from vrchain.ledger.rules.limits import Limits
 from vrchain.ledger.store import Ledger
-from vrchain.ledger.transaction import NO_BLOB, REASONS, Offer, Transaction
 from vrchain.ledger.verify import Verification, verify
 
 __all__ = [

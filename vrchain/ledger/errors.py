@@ -1,11 +1,8 @@
 """The ledger's own errors. Each refusal has its kind, so that a caller can tell them apart."""
 
-from typing import TYPE_CHECKING
+from typing import Any
 
 from vrchain.errors import LedgerError
-
-if TYPE_CHECKING:  # the records import this module
-    from vrchain.ledger.record import SignedRecord
 
 
 class EncodingError(LedgerError):
@@ -61,9 +58,9 @@ class ReplayError(InvalidError):
 
 
 class EquivocationError(InvalidError):
-    """A robot signed two transactions with one number. Both are the evidence: first, second."""
+    """A robot signed two transactions with one number. Both, ``SignedRecord``, are the evidence."""
 
-    def __init__(self, message: str, first: "SignedRecord", second: "SignedRecord") -> None:
+    def __init__(self, message: str, first: Any, second: Any) -> None:
         super().__init__(message)
         self.first, self.second = first, second
 

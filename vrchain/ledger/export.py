@@ -2,11 +2,11 @@
 
 from typing import Any
 
-from vrchain.ledger.block import Entry, Record
-from vrchain.ledger.encoding import NO_DIGEST
-from vrchain.ledger.keys import PublicKey
-from vrchain.ledger.membership import Drop, Enrolment, Expulsion, Genesis
-from vrchain.ledger.transaction import Transaction
+from vrchain.ledger.records.block import Entry, Record
+from vrchain.ledger.records.encoding import NO_DIGEST
+from vrchain.ledger.records.keys import PublicKey
+from vrchain.ledger.records.membership import Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.records.transaction import Transaction
 
 
 def entry_json(entry: Entry) -> dict[str, Any]:

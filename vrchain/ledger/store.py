@@ -7,11 +7,30 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Self
 
-from vrchain.ledger.blobs import BlobStore
-from vrchain.ledger.block import Block, Entry, Record
-from vrchain.ledger.chain import Chain, Lap, genesis_entry
-from vrchain.ledger.closing import Closing
-from vrchain.ledger.database import (
+from vrchain.ledger.errors import (
+    DamagedError,
+    DroppedError,
+    InvalidError,
+    NotFoundError,
+    ReadOnlyError,
+)
+from vrchain.ledger.records.block import Block, Entry, Record
+from vrchain.ledger.records.keys import PublicKey, SigningKey
+from vrchain.ledger.records.membership import (
+    MAX_DROPPED,
+    OPERATOR,
+    Drop,
+    Enrolment,
+    Expulsion,
+    Genesis,
+)
+from vrchain.ledger.records.proof import Proof
+from vrchain.ledger.records.transaction import Offer, Transaction, blob_digest
+from vrchain.ledger.rules.chain import Chain, Lap, genesis_entry
+from vrchain.ledger.rules.validity import State
+from vrchain.ledger.storage.blobs import BlobStore
+from vrchain.ledger.storage.closing import Closing
+from vrchain.ledger.storage.database import (
     all_records,
     check_schema,
     connect,
@@ -22,24 +41,12 @@ from vrchain.ledger.database import (
     read_entries,
     read_record,
 )
-from vrchain.ledger.durable import storage_errors
-from vrchain.ledger.errors import (
-    DamagedError,
-    DroppedError,
-    InvalidError,
-    NotFoundError,
-    ReadOnlyError,
-)
-from vrchain.ledger.folder import create_folder
-from vrchain.ledger.keys import PublicKey, SigningKey
-from vrchain.ledger.membership import MAX_DROPPED, OPERATOR, Drop, Enrolment, Expulsion, Genesis
-from vrchain.ledger.place import BLOBS_NAME, Place
-from vrchain.ledger.proof import Proof
-from vrchain.ledger.resume import read_history, read_state, read_whole_entries
-from vrchain.ledger.retention import is_dropped, old_blobs, stored_to_keep
-from vrchain.ledger.transaction import Offer, Transaction, blob_digest
-from vrchain.ledger.turns import Turns
-from vrchain.ledger.validity import State
+from vrchain.ledger.storage.durable import storage_errors
+from vrchain.ledger.storage.folder import create_folder
+from vrchain.ledger.storage.place import BLOBS_NAME, Place
+from vrchain.ledger.storage.resume import read_history, read_state, read_whole_entries
+from vrchain.ledger.storage.retention import is_dropped, old_blobs, stored_to_keep
+from vrchain.ledger.storage.turns import Turns
 
 
 class Ledger(Closing):

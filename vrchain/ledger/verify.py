@@ -8,16 +8,16 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from vrchain.errors import LedgerError
-from vrchain.ledger.blobs import BlobStore
-from vrchain.ledger.block import Entry
-from vrchain.ledger.database import connect, last_height, oversized, read_entries
-from vrchain.ledger.durable import storage_errors
 from vrchain.ledger.errors import AccessError, DamagedError, ReplacedError
-from vrchain.ledger.membership import Drop
-from vrchain.ledger.place import BLOBS_NAME, Place, database_in
-from vrchain.ledger.resume import first_unreadable
-from vrchain.ledger.transaction import Transaction
-from vrchain.ledger.validity import State, start_or_follow
+from vrchain.ledger.records.block import Entry
+from vrchain.ledger.records.membership import Drop
+from vrchain.ledger.records.transaction import Transaction
+from vrchain.ledger.rules.validity import State, start_or_follow
+from vrchain.ledger.storage.blobs import BlobStore
+from vrchain.ledger.storage.database import connect, last_height, oversized, read_entries
+from vrchain.ledger.storage.durable import storage_errors
+from vrchain.ledger.storage.place import BLOBS_NAME, Place, database_in
+from vrchain.ledger.storage.resume import first_unreadable
 
 
 @dataclass(frozen=True)

@@ -12,20 +12,21 @@ from typing import Any
 import numpy as np
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.index import LandmarkIndex
-from vrchain.navigation.arrival import NEAR_M, Arrival
-from vrchain.navigation.doubts import SAME_M, Doubts, Driven
-from vrchain.navigation.driving import Array, Pilot
-from vrchain.navigation.exploring import Explorer
-from vrchain.navigation.eyes import Eyes, Look
-from vrchain.navigation.goal import FoundOnce, KnownGoal
-from vrchain.navigation.place_goal import GoalPlace, PlaceArrival
-from vrchain.navigation.places import Place
-from vrchain.navigation.route import LandmarkKey, Leg, Plan, Route, plan
-from vrchain.navigation.stands import SURE
-from vrchain.navigation.suspects import Suspect
-from vrchain.navigation.targets import targets
-from vrchain.navigation.terms import (
+from vrchain.landmarks.retrieval.index import LandmarkIndex
+from vrchain.navigation.driving.drive import Array, Pilot
+from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.exploring import Explorer
+from vrchain.navigation.driving.targets import targets
+from vrchain.navigation.driving.tracker import Tracker
+from vrchain.navigation.goal.arrival import NEAR_M, Arrival
+from vrchain.navigation.goal.candidates import Suspect
+from vrchain.navigation.goal.place import GoalPlace, PlaceArrival
+from vrchain.navigation.goal.recognition import FoundOnce, KnownGoal
+from vrchain.navigation.goal.rejections import SAME_M, Doubts, Driven
+from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.planning.relative_poses import SURE
+from vrchain.navigation.planning.route import LandmarkKey, Leg, Plan, Route, plan
+from vrchain.navigation.settings import (
     Body,
     Decision,
     GaveUp,
@@ -33,7 +34,6 @@ from vrchain.navigation.terms import (
     Published,
     panorama_name,
 )
-from vrchain.navigation.tracker import Tracker
 from vrchain.panorama import Panorama
 
 _LOST_AFTER, _LOST_M = 4, 6.0  # looks without a landmark that should be so near

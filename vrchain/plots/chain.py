@@ -15,12 +15,12 @@ from matplotlib.patches import Ellipse, Patch, Polygon
 from numpy.typing import NDArray
 
 from vrchain.errors import MissionError
-from vrchain.experiments.sightings import Sightings
 from vrchain.geometry import Pose
-from vrchain.navigation.graph import LandmarkGraph
-from vrchain.navigation.route import Route
+from vrchain.navigation.planning.graph import LandmarkGraph
+from vrchain.navigation.planning.route import Route
 from vrchain.plots.maps import ROBOT_COLOURS, draw_ground, draw_robot, zoom_to
-from vrchain.scene.model import Scene, SceneObject
+from vrchain.simulation.sightings import Sightings
+from vrchain.world.model import Scene, SceneObject
 
 _CHAIN_COLOUR = "#c2185b"
 _SIGHT_COLOUR = "#7a8694"

@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.flood import BAR, QUIET, FloodConfig
+from vrchain.experiments.ledger.flood import BAR, QUIET, FloodConfig
 
 _FATES = {
     "admitted": ("admitted", "#009E73"),

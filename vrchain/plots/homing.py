@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from vrchain.geometry import Pose
 from vrchain.plots.maps import draw_scene, zoom_to
-from vrchain.scene.model import Scene
+from vrchain.world.model import Scene
 
 _MOST_DEG = 45.0  # from here on the colour tells no difference
 _COLOURS = LinearSegmentedColormap.from_list("error", ["#0057a8", "#7b3fa0", "#d81b60", "#8a0000"])

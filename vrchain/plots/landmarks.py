@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 from numpy.typing import NDArray
 
-from vrchain.landmarks.common import CommonLandmark, Region
-from vrchain.landmarks.proposer import KINDS, Proposals
+from vrchain.landmarks.extraction.proposer import KINDS, Proposals
+from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.panorama import Panorama
 from vrchain.plots.pictures import CLAIM_COLOURS, region_box
 

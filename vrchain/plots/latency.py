@@ -10,8 +10,8 @@ from matplotlib.figure import Figure
 from matplotlib.table import Table
 from matplotlib.transforms import Bbox
 
-from vrchain.experiments.latency import RETRIEVALS, STAGES
-from vrchain.experiments.paper import BOUNDS, OURS, READINGS, RETRIEVAL, TABLE
+from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
+from vrchain.experiments.reproduction.paper import BOUNDS, OURS, READINGS, RETRIEVAL, TABLE
 from vrchain.plots.maps import ROBOT_COLOURS
 
 _WAYS = {

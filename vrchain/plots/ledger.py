@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
 
 from vrchain.ledger import Entry, Transaction
-from vrchain.ledger.transaction import NO_TRANSACTION
+from vrchain.ledger.records.transaction import NO_TRANSACTION
 from vrchain.plots.maps import ROBOT_COLOURS
 
 _WIDTH, _GAP, _ROW = 2.0, 0.55, 0.5

@@ -5,7 +5,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, NullFormatter, NullLocator
 
-from vrchain.experiments.bloat import KEEP, LAYOUTS, TEAM, TOGETHER
+from vrchain.experiments.ledger.size import KEEP, LAYOUTS, TEAM, TOGETHER
 
 _STYLES = {
     "inline": ("#D55E00", "o"),

@@ -12,7 +12,7 @@ from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.scene.model import Scene, SceneObject
+from vrchain.world.model import Scene, SceneObject
 
 # Told apart by the colour-blind: Okabe and Ito's palette, and lightness on the map.
 ROBOT_COLOURS = ("#d55e00", "#0072b2", "#aa3f83", "#e69f00", "#56b4e9", "#009e73")

@@ -10,15 +10,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
-from vrchain.experiments.mission import MissionRun
 from vrchain.geometry import Pose
-from vrchain.landmarks.common import Region
-from vrchain.navigation.route import Route
-from vrchain.navigation.terms import robot_of
+from vrchain.landmarks.matching.common import Region
+from vrchain.navigation.planning.route import Route
+from vrchain.navigation.settings import robot_of
 from vrchain.panorama import Codec, Panorama, encode_png
 from vrchain.plots.maps import LABEL_BOX, ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
 from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
 from vrchain.plots.save import png_bytes
+from vrchain.simulation.mission import MissionRun
 
 _SHOWN = Codec("jpeg", 85)  # to be looked at, not compared
 _GOAL_COLOUR = "#ff2d95"

@@ -10,7 +10,7 @@ from matplotlib.patches import ConnectionPatch, Rectangle
 from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.common import CommonLandmark, Region
+from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
 

@@ -5,8 +5,8 @@ from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from vrchain.experiments.planning import METHODS, PROBABILITIES, RULES
-from vrchain.experiments.published_drives import AS_PUBLISHED, PUBLISHED, TO_TARGET
+from vrchain.experiments.planning.lost_segments import METHODS, PROBABILITIES, RULES
+from vrchain.experiments.planning.published_drives import AS_PUBLISHED, PUBLISHED, TO_TARGET
 
 TEAMS_SHOWN = (10, 40, 90)
 _COLOURS = dict(zip(METHODS, ("#7a8694", "#c9a227", "#0072B2", "#D55E00", "#c2185b"), strict=True))

@@ -12,10 +12,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from vrchain.experiments.mission import MissionRun
-from vrchain.navigation.terms import Decision
+from vrchain.navigation.settings import Decision
 from vrchain.plots.maps import ROBOT_COLOURS, draw_name
 from vrchain.plots.mission import Row, chain_rows, draw_row, draw_stage
+from vrchain.simulation.mission import MissionRun
 
 _DPI, _HEIGHT_IN, _MAP_IN, _BESIDE_IN = 80, 6.0, 5.8, 7.2
 _FRAMES, _LEAST_S = 120, 0.5  # about so many, and not more often

@@ -13,7 +13,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.errors import VRChainError
-from vrchain.experiments.results import ADVERTISED, Results
+from vrchain.experiments.reproduction.results import ADVERTISED, Results
 from vrchain.experiments.workers import each
 from vrchain.memory import keep_freed_memory
 from vrchain.paths import FIGURES, INSTALLED

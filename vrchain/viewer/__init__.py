@@ -16,9 +16,9 @@ import numpy as np
 
 from vrchain.errors import OutputError
 from vrchain.geometry import Pose
-from vrchain.scene import pioneer
-from vrchain.scene.export import glb_bytes
-from vrchain.scene.model import Scene, SceneObject, Surface, place
+from vrchain.world.export import glb_bytes
+from vrchain.world.model import Scene, SceneObject, Surface, place
+from vrchain.world.things import pioneer
 
 _PIN_FOOT_M, _PIN_M = 1.3, 7.0  # above the robot; high enough to be found among houses
 

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.calibration import Calibration, fit
-from vrchain.landmarks.common import Comparison
-from vrchain.landmarks.joint import (
+from vrchain.landmarks.extraction.record import LandmarkRecord, examine
+from vrchain.landmarks.matching.calibration import Calibration, fit
+from vrchain.landmarks.matching.common import Comparison
+from vrchain.landmarks.matching.joint import (
     Candidates,
     JointConfig,
     candidates,
@@ -24,12 +25,11 @@ from vrchain.landmarks.joint import (
     mask_of,
 )
 from vrchain.landmarks.quality import Verdict, judge
-from vrchain.landmarks.record import LandmarkRecord, examine
 from vrchain.landmarks.training.examples import varied_suburb
 from vrchain.panorama import CameraRig
-from vrchain.scene import Scene
 from vrchain.seeding import generator
-from vrchain.truth import GroundTruth
+from vrchain.world import Scene
+from vrchain.world.truth import GroundTruth
 
 Array = NDArray[np.float64]
 
@@ -150,7 +150,7 @@ def _worth_of_looks(pairs: list[tuple[Sight, Sight]]) -> tuple[float, float]:
 def _sights(
     scene: Scene, truth: GroundTruth, weights: Path, config: CalibrateConfig, k: int
 ) -> Iterator[tuple[Sight, Sight]]:
-    from vrchain.render import Renderer
+    from vrchain.world.render import Renderer
 
     draws = generator(config.seed, "calibrate", k)
     renderer, rig = Renderer(scene), CameraRig()

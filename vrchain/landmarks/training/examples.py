@@ -17,12 +17,12 @@ from tqdm.auto import tqdm
 from vrchain.errors import LearnedError, SpecError
 from vrchain.files import name_of, write_file
 from vrchain.geometry import Pose
-from vrchain.landmarks.raster import cell_bearings_rad, cell_slopes, picture_of
+from vrchain.landmarks.extraction.raster import cell_bearings_rad, cell_slopes, picture_of
 from vrchain.panorama import CameraRig
-from vrchain.scene import Scene, build_scene
-from vrchain.scene.spec import SceneSpec, parse_spec
 from vrchain.seeding import generator
-from vrchain.truth import VISIBLE_AREA_DEG2, VISIBLE_AZIMUTH_DEG
+from vrchain.world import Scene, build_scene
+from vrchain.world.spec import SceneSpec, parse_spec
+from vrchain.world.truth import VISIBLE_AREA_DEG2, VISIBLE_AZIMUTH_DEG
 
 FORMAT = 2
 _JPEG_QUALITY = 95
@@ -160,8 +160,8 @@ def _write(file: Path, examples: Examples) -> None:
 
 
 def _look_around(scene: Scene, config: ExampleConfig, k: int) -> Examples:
-    from vrchain.render import Renderer
-    from vrchain.truth import GroundTruth
+    from vrchain.world.render import Renderer
+    from vrchain.world.truth import GroundTruth
 
     draws = generator(config.seed, "example", k, "poses")
     renderer, truth, rig = Renderer(scene), GroundTruth(scene), CameraRig()

@@ -23,21 +23,16 @@ from torch import Tensor
 from tqdm.auto import tqdm
 
 from vrchain.files import name_of, write_file
-from vrchain.landmarks.backbone import load_backbone
-from vrchain.landmarks.network import Network, learning_precision
-from vrchain.landmarks.proposer import BEARING_UNIT_RAD, EMBEDDED
+from vrchain.landmarks.extraction.backbone import load_backbone
+from vrchain.landmarks.extraction.network import Network, learning_precision
+from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, EMBEDDED
 from vrchain.landmarks.training.examples import (
     ExampleConfig,
     Examples,
     make_examples,
     read_examples,
 )
-from vrchain.landmarks.training.losses import (
-    Target,
-    landmark_embeddings,
-    losses,
-    target_of,
-)
+from vrchain.landmarks.training.losses import Target, landmark_embeddings, losses, target_of
 from vrchain.landmarks.training.spots import Spots, spot_loss, spots_of, spots_right
 from vrchain.seeding import generator
 

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.proposer import BEARING_UNIT_RAD, KINDS, RANGE_UNIT_M
+from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, KINDS, RANGE_UNIT_M
 from vrchain.landmarks.training.examples import Examples
 
 _LEAST_RANGE_M = 0.5

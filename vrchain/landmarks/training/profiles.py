@@ -6,11 +6,11 @@ from pathlib import Path
 
 from vrchain.errors import LearnedError
 from vrchain.files import check_output_file, write_file
-from vrchain.landmarks.calibration import to_json
+from vrchain.landmarks.extraction.weights import save_weights
+from vrchain.landmarks.matching.calibration import to_json
 from vrchain.landmarks.training.calibrate import CalibrateConfig, calibrate
 from vrchain.landmarks.training.examples import ExampleConfig
 from vrchain.landmarks.training.learn import TrainConfig, learn
-from vrchain.landmarks.weights import save_weights
 
 
 @dataclass(frozen=True)

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.raster import cell_bearings_rad, cell_slopes
+from vrchain.landmarks.extraction.raster import cell_bearings_rad, cell_slopes
 from vrchain.landmarks.training.examples import Examples
 from vrchain.panorama import CameraRig
 

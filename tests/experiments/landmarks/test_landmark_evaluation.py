@@ -1,0 +1,162 @@
+from dataclasses import replace
+from pathlib import Path
+
+import pandas as pd
+import pytest
+
+from vrchain.errors import MissionError
+from vrchain.experiments.landmarks.evaluation import accused, evaluate, row, strangers
+from vrchain.experiments.landmarks.scores import as_table, summarise
+from vrchain.experiments.scenes import Scenes, suburbs
+from vrchain.world.model import Scene
+from vrchain.world.spec import SceneSpec
+
+
+def claim(suburb: int, pair: int, score: float, right: bool, **others: object) -> dict:
+    return {
+        "suburb": suburb, "pair": pair, "variant": "sift", "score": score, "right": right,
+        "shared": right, "twin": False, "duplicate": False, "quality_m": 1.0 if right else 9.0,
+        "support": 7, "object_a": "a", "object_b": "b", **others,
+    }  # fmt: skip
+
+
+def pair(suburb: int, number: int, co_visible: int, error_deg: float = 1.0) -> dict:
+    return {
+        "suburb": suburb, "pair": number, "variant": "sift", "claimed": 0.5, "spacing_m": 5.0,
+        "co_visible": co_visible, "ms": 10.0, "direction_error_deg": error_deg,
+        "heading_error_deg": error_deg,
+    }  # fmt: skip
+
+
+PAIRS = pd.DataFrame([pair(0, 0, 4), pair(0, 1, 0), pair(1, 0, 4, 180.0), pair(1, 1, 2)])
+CLAIMS = pd.DataFrame(
+    [
+        claim(0, 0, 0.9, True),
+        claim(0, 0, 0.8, True, shared=False),  # the same landmark, seen from its two sides
+        claim(0, 0, 0.7, True, duplicate=True),
+        claim(0, 1, 0.6, False),
+        claim(1, 0, 0.85, False, twin=True),
+        claim(1, 0, 0.8, True),
+        claim(1, 1, 0.3, True),  # below the threshold
+    ]
+)
+
+
+def test_figures_are_what_the_definitions_say() -> None:
+    found = summarise(CLAIMS, PAIRS)["sift"]
+    assert (found["n_pairs"], found["pairs_without_common"]) == (4, 1)
+    assert found["pair_success"] == pytest.approx(1 / 3)  # wrong at its surest, or none, is not
+    assert found["precision"] == pytest.approx(3 / 5)  # the duplicate counts for nothing
+    assert found["recall"] == pytest.approx(2 / 10)
+    assert found["false_claim_rate"] == 1.0
+    assert (found["twin_claims"], found["duplicates"]) == (1, 1)
+    assert found["quality_m_median"] == 1.0
+    assert found["direction_error_deg"] == 1.0
+    assert found["direction_error_deg_answered"] == pytest.approx(2 / 3)
+    for name in ("pair_success", "precision", "recall"):
+        low, high = found[f"{name}_ci"]
+        assert 0 <= low <= found[name] <= high <= 1
+
+
+def test_recall_at_a_precision_is_that_of_the_best_threshold() -> None:
+    """In order of score: right, wrong, right (not shared), right, wrong, right."""
+    found = summarise(CLAIMS, PAIRS)["sift"]["recall_at_precision"]
+    assert found == {"0.90": pytest.approx(0.1), "0.95": pytest.approx(0.1), "0.98": 0.1}
+    none = summarise(CLAIMS.assign(right=False), PAIRS)["sift"]["recall_at_precision"]
+    assert set(none.values()) == {None}
+
+
+def test_claims_of_one_score_stand_or_fall_together() -> None:
+    """No threshold parts them, however they happen to be ordered."""
+    alike = pd.DataFrame([claim(0, 0, 0.9, k % 2 == 0) for k in range(20)])
+    found = summarise(alike, PAIRS)["sift"]["recall_at_precision"]
+    assert set(found.values()) == {None}
+
+
+def test_no_claims_at_all() -> None:
+    found = summarise(CLAIMS.iloc[:0], PAIRS)["sift"]
+    assert (found["pair_success"], found["precision"], found["recall"]) == (0.0, None, 0.0)
+    assert found["false_claim_rate"] == 0.0 and found["calibration_error"] is None
+    assert "sift" in as_table({"sift": found}).to_string()
+
+
+@pytest.mark.parametrize(
+    ("pairs", "spacing_m", "message"),
+    [
+        (0, (1.0, 2.0), "1 pair or more"),
+        (1, (3.0, 2.0), "MIN <= MAX"),
+        (1, (0.0, 2.0), "0 < MIN"),
+    ],
+)
+def test_bad_requests(tmp_path: Path, pairs: int, spacing_m: tuple, message: str) -> None:
+    with pytest.raises(MissionError, match=message):
+        evaluate(suburbs(SceneSpec()), pairs, spacing_m, [row("sift")], seed=3000, folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_a_second_run_reads_what_the_first_found(tmp_path: Path) -> None:
+    first, again = (
+        evaluate(suburbs(SceneSpec()), 3, (2.0, 8.0), [row("sift")], seed=3000, folder=tmp_path)
+        for _ in range(2)
+    )
+    for a, b in zip(first, again, strict=True):
+        pd.testing.assert_frame_equal(a, b)
+    summary = summarise(*first)["sift"]
+    assert summary["n_pairs"] == 3 and 0 < summary["recall"] <= 1
+
+
+@pytest.mark.slow
+def test_in_one_world_pairs_are_told_apart_as_suburbs_are(tmp_path: Path) -> None:
+    one = replace(suburbs(SceneSpec()), varied=False)
+    claims, pairs = evaluate(one, 2, (2.0, 8.0), [row("sift")], seed=3000, folder=tmp_path)
+    assert pairs.suburb.tolist() == [0, 1] and set(claims.suburb) <= {0, 1}
+    assert summarise(claims, pairs)["sift"]["n_pairs"] == 2
+
+
+def test_the_accused_are_counted_by_where_they_stand() -> None:
+    found = pd.DataFrame(
+        {
+            "pair": [0, 1, 2, 3],
+            "variant": ["sift"] * 4,
+            "two_suburbs": [False, False, False, True],
+            "suburb": [0, 0, 1, 1],
+            "score": [0.0, 0.9, 0.0, 0.0],
+        }
+    )
+    table = accused(found)
+    assert table.two_suburbs.tolist() == [False, True] and table.pairs.tolist() == [3, 1]
+    assert table.claimed.tolist() == pytest.approx([1 / 3, 0.0])
+    (low, high), none = table.claimed_ci
+    assert low < 1 / 3 < high and none == pytest.approx([0.0, 0.975])
+
+
+def test_variants_of_one_name_are_refused(tmp_path: Path) -> None:
+    """Their results could not be told apart."""
+    twice, scenes = [row("sift"), row("sift")], suburbs(SceneSpec())
+    with pytest.raises(MissionError, match="variants of different names, got sift, sift"):
+        evaluate(scenes, 1, (1.0, 2.0), twice, seed=3000, folder=tmp_path)
+    with pytest.raises(MissionError, match="variants of different names"):
+        strangers(scenes, 1, twice, seed=3000, folder=tmp_path)
+    with pytest.raises(MissionError, match="1 pair or more, got 0"):
+        strangers(scenes, 0, twice, seed=3000, folder=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_one_world_has_no_strangers(tmp_path: Path) -> None:
+    world = Scenes(lambda seed, k: Scene("one", (9.0, 9.0), ()), "", varied=False)
+    with pytest.raises(MissionError, match="expected the spec of a suburb"):
+        strangers(world, 4, [row("sift")], seed=3000, folder=tmp_path)
+
+
+@pytest.mark.slow
+def test_strangers_are_half_of_two_suburbs_and_a_run_goes_on(tmp_path: Path) -> None:
+    def found(pairs: int, folder: str) -> pd.DataFrame:
+        return strangers(
+            suburbs(SceneSpec()), pairs, [row("sift")], seed=3000, folder=tmp_path / folder
+        )
+
+    assert len(found(1, "broken off")) == 1
+    whole = found(4, "at once")
+    assert whole.two_suburbs.tolist() == [False, False, True, True]
+    pd.testing.assert_frame_equal(found(4, "broken off"), whole)

@@ -1,0 +1,134 @@
+import numpy as np
+import pandas as pd
+import pytest
+import sights
+import worlds
+from sights import RIG
+
+from vrchain.errors import MissionError
+from vrchain.experiments.landmarks.pairs import Look, claims_of, draw_pairs, draw_poses, summarise
+from vrchain.geometry import Pose
+from vrchain.landmarks.matching.common import MatchConfig
+from vrchain.seeding import generator
+
+
+def row(pair: int, **claim: object) -> dict[str, object]:
+    base = {"pair": pair, "spacing_m": 6.0, "co_visible": 3}
+    made = {"score": 0.9, "right": True, "duplicate": False, "twin": False, "quality_m": 1.0}
+    told = base | made | {"support": 9, "object": "a"} | claim
+    return {"shared": told["right"]} | told
+
+
+def none(pair: int, co_visible: int = 3) -> dict[str, object]:
+    return {"pair": pair, "spacing_m": 6.0, "co_visible": co_visible}
+
+
+def table(*rows: dict[str, object]) -> pd.DataFrame:
+    return pd.DataFrame(list(rows), columns=list(row(0)))
+
+
+def test_the_summary_counts_by_the_definitions() -> None:
+    claims = table(
+        row(0, score=0.9), row(0, score=0.8, object="b"), row(0, score=0.7, duplicate=True),
+        row(0, score=0.6, object="c", shared=False),  # the same landmark, from its two sides
+        row(1, score=0.6, right=True), row(1, score=0.95, right=False, twin=True, quality_m=5.0),
+        none(2),
+        none(3, co_visible=0),
+        row(4, co_visible=0, right=False, quality_m=np.nan),
+    )  # fmt: skip
+    found = summarise(claims)
+    assert found["n_pairs"] == 5 and found["pairs_without_common"] == 2
+    assert found["pair_success"] == pytest.approx(1 / 3)  # pair 1's best claim is wrong
+    assert found["n_claims"] == 6  # a duplicate is none
+    assert found["precision"] == pytest.approx(4 / 6)
+    assert found["recall"] == pytest.approx(3 / 9)
+    assert found["claims_per_pair"] == 6 / 5
+    assert found["twin_claims"] == 1
+    assert found["quality_m_mean"] == pytest.approx(9 / 5)
+    assert found["quality_m_median"] == 1.0
+
+
+def test_no_claim_at_all_is_no_precision_and_no_success() -> None:
+    found = summarise(table(none(0), none(1)))
+    assert np.isnan(found["precision"]) and found["pair_success"] == 0 and found["recall"] == 0
+    assert found["n_claims"] == 0
+
+
+def test_a_summary_does_not_change_its_table() -> None:
+    claims = table(row(0), none(1))
+    before = claims.copy()
+    summarise(claims)
+    pd.testing.assert_frame_equal(claims, before)
+
+
+def test_poses_are_free_and_seeded() -> None:
+    scene = sights.yard()
+    poses = draw_poses(scene, 5, generator(0, "poses"))
+    assert scene.is_free([p.xy_m for p in poses]).all() and len(set(poses)) == 5
+    assert poses == draw_poses(scene, 6, generator(0, "poses"))[:5]
+    full = worlds.world(worlds.box("all", (0, 0), (40.0, 40.0, 2.0), worlds.plain(worlds.RED)))
+    with pytest.raises(MissionError, match="found only 0 of 2 free places"):
+        draw_poses(full, 2, generator(0, "poses"))
+
+
+def test_pairs_are_free_and_in_the_band() -> None:
+    scene = sights.yard()
+    pairs = list(draw_pairs(scene, 30, (4.0, 9.0), 1))
+    assert len(pairs) == 30
+    spacing = [a.distance_to_m(b.xy_m) for a, b in pairs]
+    assert 4 <= min(spacing) < 5 and 8 < max(spacing) <= 9
+    for a, b in pairs:
+        scene.check_pose(a)
+        scene.check_pose(b)
+    turns = [a.yaw_rad - b.yaw_rad for a, b in pairs]
+    assert np.std(turns) > 1
+    assert pairs == list(draw_pairs(scene, 30, (4.0, 9.0), 1))
+    assert pairs != list(draw_pairs(scene, 30, (4.0, 9.0), 2))
+    assert pairs[:10] == list(draw_pairs(scene, 10, (4.0, 9.0), 1))  # more pairs add, not change
+
+
+def test_pairs_that_cannot_be_are_said_plainly() -> None:
+    with pytest.raises(MissionError, match="found only 0 of 2 pairs"):
+        list(draw_pairs(worlds.world(extent_m=(4.0, 4.0)), 2, (30.0, 40.0), 0))
+
+
+def measure() -> pd.DataFrame:
+    pairs = draw_pairs(sights.yard(), 4, (3.0, 6.0), 2)
+    looks = ((Look(a, sights.sight(a)), Look(b, sights.sight(b))) for a, b in pairs)
+    return claims_of(looks, sights.yard_truth(), RIG)
+
+
+@pytest.fixture(scope="module")
+def measured() -> pd.DataFrame:
+    return measure()
+
+
+def test_claims_in_the_yard(measured: pd.DataFrame) -> None:
+    assert set(measured.pair) == {0, 1, 2, 3}
+    made = measured[measured.score.notna()]
+    assert len(made) > 10
+    found = summarise(measured)
+    assert found["precision"] > 0.9 and found["pair_success"] >= 0.75
+    assert 0 < found["recall"] <= 1
+    assert (measured.co_visible >= 4).all() and measured.spacing_m.between(3, 6).all()
+    assert (made.support >= MatchConfig().min_support).all() and made.score.between(0.5, 1).all()
+    names = {o.name for o in sights.yard().objects} | {"sky"}
+    assert set(made.object) <= names
+    first = ~made.duplicated(["pair", "object"])
+    assert (
+        made.duplicate.astype(bool)[made.right.astype(bool)] == ~first[made.right.astype(bool)]
+    ).all()
+
+
+def test_the_same_seed_gives_the_same_table(measured: pd.DataFrame) -> None:
+    pd.testing.assert_frame_equal(measure(), measured)
+
+
+def test_a_pair_without_a_claim_keeps_its_row() -> None:
+    a, b = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
+    looks = [(Look(a, sights.sight(a)), Look(b, sights.sight(b)))] * 2
+    strict = claims_of(looks, sights.yard_truth(), RIG, MatchConfig(min_score=1.1))
+    assert len(strict) == 2 and strict.score.isna().all() and (strict.co_visible > 0).all()
+    assert list(strict.pair) == [0, 1]
+    mixed = claims_of(looks, sights.yard_truth(), RIG)
+    assert summarise(mixed)["n_pairs"] == 2

@@ -1,0 +1,152 @@
+"""Missions of the experiment, driven with true landmarks: no network, so that they are quick."""
+
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pandas as pd
+import pytest
+from hamlet import the_hamlet
+from plains import CALIBRATION
+from sights import RIG
+
+from vrchain.errors import MissionError
+from vrchain.experiments.missions import draw as missions
+from vrchain.experiments.missions import evaluation as navigation
+from vrchain.experiments.missions.draw import Mission
+from vrchain.experiments.missions.evaluation import evaluate
+from vrchain.experiments.scenes import Scenes
+from vrchain.landmarks.extraction.proposer import nothing
+from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.extraction.sift import NO_FEATURES
+from vrchain.landmarks.matching.common import Comparison
+from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.settings import MissionConfig
+from vrchain.simulation.simulator import Simulator
+from vrchain.world.model import Scene
+
+HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
+SHORT = MissionConfig(limit_s=150.0)
+
+
+@pytest.fixture(autouse=True)
+def _short_ways(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(missions, "WAY_M", (12.0, 60.0))
+
+
+def oracle(folder: Path, jobs: int = 1) -> tuple[pd.DataFrame, list[Mission]]:
+    return evaluate(
+        HAMLET, 2, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT, patrol_s=20.0,
+        jobs=jobs,
+    )  # fmt: skip
+
+
+def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    table, drawn = oracle(tmp_path)
+    assert list(table.mission) == [0, 1] and set(table.arm) == {"oracle"}
+    assert table.success.all() and table.arrived.all(), table.reason.to_list()
+    assert (table.collisions == 0).all()
+    assert (table.driven_m > 0).all() and (table.range_m <= 3.0).all()
+    assert (table.seconds_simulated <= SHORT.limit_s + 1).all()
+    assert (table.published > 6).all()  # three others, who drove about and published again
+    monkeypatch.setattr(navigation, "Suburb", None)  # nothing is left to do
+    again, same = oracle(tmp_path)
+    pd.testing.assert_frame_equal(table, again)
+    assert same == drawn
+    stored = [json.loads(f.read_text()) for f in sorted(tmp_path.rglob("*_oracle.json"))]
+    assert all(s["log"][-1]["what"] == "arrived" for s in stored)
+
+
+@pytest.mark.slow
+def test_two_processes_at_once_find_the_same(tmp_path: Path) -> None:
+    table, drawn = oracle(tmp_path / "one")
+    for file in (tmp_path / "one").glob("*/mission_*.json"):  # drawn by shorter ways, see above
+        copy = tmp_path / "two" / file.relative_to(tmp_path / "one")
+        copy.parent.mkdir(parents=True, exist_ok=True)
+        copy.write_bytes(file.read_bytes())
+    again, same = oracle(tmp_path / "two", jobs=2)
+    pd.testing.assert_frame_equal(table.drop(columns="wall_s"), again.drop(columns="wall_s"))
+    assert same == drawn
+
+
+def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
+    table, drawn = evaluate(
+        HAMLET, 1, 4, ["oracle"], seed=3, folder=tmp_path, rig=RIG, config=SHORT, to_places=True,
+        patrol_s=20.0,
+    )  # fmt: skip
+    assert drawn[0].goal == missions.PLACE
+    assert table.success.all() and (table.range_m <= 1.0).all(), table.reason.to_list()
+    assert (table.collisions == 0).all()
+
+
+def blind(*weights: Path) -> Eyes:
+    """Eyes that see nothing."""
+    record = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
+    look = Look(RIG, nothing(), lambda: NO_FEATURES, record=record)
+    return Eyes(lambda s: look, lambda *s: look, lambda a, b: Comparison((), None), CALIBRATION)
+
+
+def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    simulators: list[Simulator] = []
+
+    def simulator(*args: Any, **options: Any) -> Simulator:
+        simulators.append(Simulator(*args, **options))
+        return simulators[-1]
+
+    monkeypatch.setattr(navigation, "Simulator", simulator)
+    monkeypatch.setattr(navigation, "learned_eyes", blind)
+    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    monkeypatch.setattr(navigation.Suburb, "_goal", lambda *mission: nowhere)
+    table, (drawn,) = evaluate(
+        HAMLET, 1, 4, ["ledger", "alone"], seed=3, folder=tmp_path, rig=RIG,
+        config=MissionConfig(limit_s=15.0), patrol_s=20.0,
+    )  # fmt: skip
+    ways, whys = [], []
+    for arm, world in zip(table.arm, simulators, strict=True):
+        path_m = {name: world.path_xy_m(name) for name in drawn.poses}
+        assert all((path_m[n][0] == pose.xy_m).all() for n, pose in drawn.poses.items())
+        steps_m = {n: np.hypot(*np.diff(p, axis=0).T) for n, p in path_m.items()}
+        sets_out = int((steps_m["R1"] > 0).argmax())
+        ways.append({n: (m[:sets_out].sum(), m[sets_out:].sum()) for n, m in steps_m.items()})
+        (stored,) = tmp_path.rglob(f"*_{arm}.json")
+        log = json.loads(stored.read_text())["log"]
+        whys.append(next(d["why"] for d in log if d["what"] == "no route"))
+    others = [name for name in drawn.poses if name != "R1"]
+    assert all(min(ways[0][n]) > 3.0 and max(ways[1][n]) == 0.0 for n in others)  # and go on
+    assert table.published[0] > len(others) and table.published[1] == 0
+    assert whys == [
+        "no other robot's panorama shows the goal",
+        "the ledger holds no panorama of another robot",
+    ]
+    assert list(table.driven_m) == pytest.approx([w["R1"][1] for w in ways])
+    assert (table.driven_m > 3.0).all()
+    assert table.seconds_simulated.between(15.0, 16.0).all()  # the patrol is no part of it
+
+
+@pytest.mark.parametrize(
+    ("asked", "refusal"),
+    [
+        ({"n_missions": 0}, "expected 1 mission or more"),
+        ({"arms": ["magic"]}, "and arms of ledger, alone, oracle, got 1 and magic"),
+        ({"arms": []}, "and arms of ledger, alone, oracle, got 1 and "),
+        ({"n_robots": 1}, "expected 2 to 20 robots, got 1"),
+        ({"wrong_edges": 1.1}, "a share of wrong edges from 0 to 1, got 1.1"),
+        ({"barred": float("nan")}, "a share of barred legs from 0 to 1, got nan"),
+        ({"patrol_s": -1.0}, "seconds of patrol, 0 or more, got -1.0"),
+        ({"landmarks": -1}, "chains of 0 landmarks or more, got -1"),
+    ],
+)
+def test_what_cannot_be_asked(asked: dict[str, Any], refusal: str, tmp_path: Path) -> None:
+    def unbuilt(seed: int, k: int) -> Scene:
+        raise AssertionError("refused before a scene is built")
+
+    with pytest.raises(MissionError, match=refusal):
+        usual = {"n_missions": 1, "n_robots": 4, "arms": ["oracle"], "seed": 3}
+        evaluate(Scenes(unbuilt, ""), folder=tmp_path, **{**usual, **asked})
+    assert not any(tmp_path.iterdir())

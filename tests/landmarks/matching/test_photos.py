@@ -1,0 +1,306 @@
+import os
+from functools import cache
+from itertools import combinations, product
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import sights
+import worlds
+from numpy.typing import NDArray
+
+from vrchain.errors import ImageError
+from vrchain.geometry import Pose
+from vrchain.landmarks.matching.common import CommonLandmark
+from vrchain.landmarks.matching.photos import landmarks_of_files, photo_landmarks
+from vrchain.panorama import CameraRig, Panorama, encode_png
+from vrchain.paths import ROOT
+from vrchain.seeding import generator
+from vrchain.world.model import Scene
+
+Image = NDArray[np.uint8]
+CAMERA = CameraRig(n_views=1, width_px=400, height_px=300)
+HOUSE_M = ((9.0, 0.0), (4.0, 4.0, 3.0))
+
+
+def texture(name: str) -> Image:
+    """Squares, each with smaller ones in it."""
+    return np.maximum(worlds.blotches(name, 256, 16), worlds.blotches(name + " fine", 256, 64) // 2)
+
+
+@cache
+def street(name: str) -> Scene:
+    """One house ahead of the origin, a grey wall behind it."""
+    house = worlds.box("house", *HOUSE_M, texture(name), yaw_rad=0.3)
+    wall = worlds.box("wall", (17, 0), (1, 30, 5), worlds.plain((120, 120, 120)))
+    return worlds.world(house, wall)
+
+
+@cache
+def photo(pose: Pose, name: str = "house") -> Image:
+    return sights.look(pose, CAMERA, street(name)).views[0]
+
+
+HERE, THERE = Pose(0, 0, 0.05), Pose(0.5, 2.0, -0.2)
+
+
+def house_px(pose: Pose) -> tuple[float, float, float, float]:
+    """The house's bounds in the photo taken from a pose."""
+    corners = np.concatenate([s.vertices_m for s in street("house").objects[1].surfaces])
+    bearing, slope = sights.directions(pose, corners.astype(float))
+    x_px, y_px = CAMERA.project(0, bearing, slope)
+    return x_px.min(), y_px.min(), x_px.max(), y_px.max()
+
+
+def check_claims(claims: tuple[CommonLandmark, ...], *images: Image) -> None:
+    """Scores in order, boxes in their pictures, and nothing told about angles or ranges."""
+    assert [c.score for c in claims] == sorted((c.score for c in claims), reverse=True)
+    for claim in claims:
+        assert 0 < claim.score <= 1 and claim.ranges is None
+        assert len(claim.support_a) == len(claim.support_b) >= 8
+        for region, image in zip((claim.a, claim.b), images, strict=True):
+            x0, y0, x1, y1 = region.box_px
+            assert 0 <= x0 < x1 <= image.shape[1] and 0 <= y0 < y1 <= image.shape[0]
+            assert region.bearing_rad is None and region.angular_size_rad is None
+
+
+def test_a_thing_photographed_twice_is_claimed_where_it_stands() -> None:
+    claims = photo_landmarks(photo(HERE), photo(THERE))
+    check_claims(claims, photo(HERE), photo(THERE))
+    assert claims
+    for claim in claims:
+        for pose, region in ((HERE, claim.a), (THERE, claim.b)):
+            low_x, low_y, high_x, high_y = house_px(pose)
+            x, y = np.mean(region.box_px[::2]), np.mean(region.box_px[1::2])
+            assert low_x - 5 < x < high_x + 5 and low_y - 5 < y < high_y + 5
+            assert region.box_px[0] > low_x - 25 and region.box_px[2] < high_x + 25
+
+
+def test_large_and_small_copies_of_a_photo_have_the_same_regions() -> None:
+    small = photo(HERE)
+    large = np.kron(photo(THERE), np.ones((4, 4, 1), dtype=np.uint8))
+    claims = photo_landmarks(small, large)
+    check_claims(claims, small, large)
+    assert claims
+    low_x, low_y, high_x, high_y = (4 * v for v in house_px(THERE))
+    for claim in claims:
+        x, y = np.mean(claim.b.box_px[::2]), np.mean(claim.b.box_px[1::2])
+        assert low_x < x < high_x and low_y < y < high_y
+
+
+def test_a_photo_has_itself_in_common() -> None:
+    claims = photo_landmarks(photo(HERE), photo(HERE))
+    check_claims(claims, photo(HERE), photo(HERE))
+    assert claims and all(c.a == c.b for c in claims)
+
+
+def test_unrelated_photos_have_nothing_in_common() -> None:
+    poses = [HERE, THERE, Pose(0, -2, 0.2)]
+    for a, b in product(poses, poses):
+        assert photo_landmarks(photo(a), photo(b, "another house")) == ()
+
+
+def test_noise_has_nothing_in_common_with_anything() -> None:
+    for seed in range(3):
+        noise = generator(seed, "noise").integers(0, 256, (300, 400, 3), dtype=np.uint8)
+        other = generator(seed, "other").integers(0, 256, (300, 400, 3), dtype=np.uint8)
+        assert photo_landmarks(noise, other) == ()
+        assert photo_landmarks(noise, photo(HERE)) == ()
+
+
+@pytest.mark.parametrize("shape", [(16, 16), (16, 3000), (3000, 16), (17, 40)])
+def test_small_and_narrow_pictures_are_borne(shape: tuple[int, int]) -> None:
+    image = generator(0, "narrow").integers(0, 256, (*shape, 3), dtype=np.uint8)
+    check_claims(photo_landmarks(image, image), image, image)
+    check_claims(photo_landmarks(image, photo(HERE)), image, photo(HERE))
+
+
+# --- files ---
+
+
+def saved(path: Path, image: Image) -> Path:
+    path.write_bytes(encode_png(image))
+    return path
+
+
+def test_files_and_arrays_agree(tmp_path: Path) -> None:
+    a, b = saved(tmp_path / "a.png", photo(HERE)), saved(tmp_path / "b.png", photo(THERE))
+    found = landmarks_of_files(a, str(b))
+    assert found.rig is None
+    assert np.array_equal(found.a_rgb, photo(HERE)) and np.array_equal(found.b_rgb, photo(THERE))
+    claims = photo_landmarks(photo(HERE), photo(THERE))
+    assert [(c.score, c.a, c.b) for c in found.claims] == [(c.score, c.a, c.b) for c in claims]
+
+
+def test_grey_pictures_and_pictures_with_alpha_are_pictures(tmp_path: Path) -> None:
+    a = saved(tmp_path / "a.png", photo(HERE))
+    bgr = cv2.cvtColor(photo(THERE), cv2.COLOR_RGB2BGR)
+    grey = cv2.cvtColor(bgr, cv2.COLOR_BGR2GRAY)
+    clear = np.dstack([bgr, np.full(grey.shape, 255, np.uint8)])
+    deep = bgr.astype(np.uint16) * 257
+    for name, image in (("grey.png", grey), ("alpha.png", clear), ("deep.png", deep)):
+        (tmp_path / name).write_bytes(cv2.imencode(".png", image)[1].tobytes())
+        assert landmarks_of_files(a, tmp_path / name).claims
+    for ending in (".jpg", ".bmp", ".webp", ".tiff"):
+        (tmp_path / f"b{ending}").write_bytes(cv2.imencode(ending, bgr)[1].tobytes())
+        assert landmarks_of_files(a, tmp_path / f"b{ending}").claims
+
+
+def unusable(kind: str, folder: Path) -> Path:
+    """A file that cannot serve."""
+    path = folder / f"{kind}.png"
+    whole = encode_png(photo(HERE))
+    jpeg = cv2.imencode(".jpg", photo(HERE))[1].tobytes()
+    grid = generator(0, "tiny").integers(0, 256, (4, 5, 3), dtype=np.uint8)
+    contents = {
+        "blank": encode_png(np.full((200, 300, 3), 77, np.uint8)),
+        "tiny": encode_png(grid),
+        "pixel": encode_png(grid[:1, :1]),
+        "line": encode_png(np.repeat(grid[:1], 2000, axis=1)),
+        "text": b"no picture at all\n",
+        "empty": b"",
+        "header": whole[:20],
+        "marks": jpeg[:2] + jpeg[-2:],
+        "zeros": bytes(5000),
+    }
+    if kind in contents:
+        path.write_bytes(contents[kind])
+    elif kind == "folder":
+        path.mkdir()
+    elif kind == "link":
+        path.symlink_to(folder / "nowhere")
+    return path
+
+
+UNUSABLE = [
+    "blank",
+    "tiny",
+    "pixel",
+    "line",
+    "text",
+    "empty",
+    "header",
+    "marks",
+    "zeros",
+    "missing",
+    "folder",
+    "link",
+]
+
+
+@pytest.mark.parametrize("second", [False, True])
+@pytest.mark.parametrize("kind", UNUSABLE)
+def test_what_is_no_usable_picture_is_refused_by_name(
+    kind: str, second: bool, tmp_path: Path
+) -> None:
+    good, bad = saved(tmp_path / "good.png", photo(HERE)), unusable(kind, tmp_path)
+    with pytest.raises(ImageError) as error:
+        landmarks_of_files(*((good, bad) if second else (bad, good)))
+    assert str(bad) in str(error.value)
+    assert "\n" not in str(error.value) and len(str(error.value)) < 300 + len(str(bad))
+
+
+@pytest.mark.parametrize("ending", ["png", "jpg"])
+def test_a_picture_cut_short_is_refused_by_name_or_read_as_far_as_it_goes(
+    ending: str, tmp_path: Path
+) -> None:
+    good, cut = saved(tmp_path / "good.png", photo(HERE)), tmp_path / f"cut.{ending}"
+    whole = cv2.imencode(f".{ending}", cv2.cvtColor(photo(THERE), cv2.COLOR_RGB2BGR))[1].tobytes()
+    for share in (0.01, 0.1, 0.5, 0.9):
+        cut.write_bytes(whole[: int(share * len(whole))])
+        try:
+            check_claims(landmarks_of_files(good, cut).claims, photo(HERE), photo(THERE))
+        except ImageError as error:
+            assert str(cut) in str(error)
+
+
+@pytest.mark.parametrize("picture", ["picture", "the first picture"])
+def test_arrays_are_refused_by_their_place(picture: str) -> None:
+    blank = np.zeros((100, 100, 3), np.uint8)
+    with pytest.raises(ImageError, match=picture):
+        photo_landmarks(blank, photo(HERE))
+    with pytest.raises(ImageError, match="the second picture is too small"):
+        photo_landmarks(photo(HERE), photo(HERE)[:8])
+
+
+def test_two_panoramas_are_compared_as_such(tmp_path: Path) -> None:
+    poses = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
+    for name, pose in zip("ab", poses, strict=True):
+        (tmp_path / name).mkdir()
+        sights.look(pose).save(tmp_path / name)
+    found = landmarks_of_files(tmp_path / "a", tmp_path / "b", "sift")
+    assert found.rig == sights.RIG
+    assert np.array_equal(found.a_rgb, sights.look(poses[0]).cylinder)
+    assert len(found.claims) > 10 and all(c.a.bearing_rad is not None for c in found.claims)
+
+
+def test_a_photo_beside_a_panorama_names_the_view(tmp_path: Path) -> None:
+    """The house is behind the robot; some of its other views are blank, which is no matter."""
+    rig = CameraRig(n_views=8, width_px=400, height_px=300)
+    seen = sights.look(Pose(0.5, 2.0, np.pi - 0.2), rig, street("house"))
+    # what is not the house is one colour in the views that look away from it
+    views = seen.views.copy()
+    views[:2] = 90
+    (tmp_path / "pano").mkdir()
+    Panorama(rig, views).save(tmp_path / "pano")
+    picture = saved(tmp_path / "a.png", photo(HERE))
+    for one_way in (True, False):
+        files = (picture, tmp_path / "pano") if one_way else (tmp_path / "pano", picture)
+        found = landmarks_of_files(*files)
+        assert found.claims
+        for claim in found.claims:
+            view, other = (claim.b, claim.a) if one_way else (claim.a, claim.b)
+            assert view.view == 4 and other.view == 0
+        shown = found.b_rgb if one_way else found.a_rgb
+        assert np.array_equal(shown, views[4])
+
+
+def test_a_blank_panorama_is_refused_by_name(tmp_path: Path) -> None:
+    rig = worlds.SMALL_RIG
+    (tmp_path / "blank").mkdir()
+    Panorama(rig, np.full((8, 120, 160, 3), 9, np.uint8)).save(tmp_path / "blank")
+    picture = saved(tmp_path / "a.png", photo(HERE))
+    for files in ((tmp_path / "blank", picture), (tmp_path / "blank", tmp_path / "blank")):
+        with pytest.raises(ImageError, match=str(tmp_path / "blank")):
+            landmarks_of_files(*files)
+
+
+def test_a_damaged_panorama_is_refused_by_name(tmp_path: Path) -> None:
+    folder = tmp_path / "pano"
+    folder.mkdir()
+    Panorama(worlds.SMALL_RIG, sights.look(Pose(0, 0), worlds.SMALL_RIG).views).save(folder)
+    (folder / "view_3.png").write_bytes(b"gone")
+    with pytest.raises(ImageError, match=r"view_3\.png"):
+        landmarks_of_files(folder, folder)
+
+
+# --- real photographs ---
+
+PHOTOS = Path(os.environ.get("VRCHAIN_PHOTOS") or ROOT.parent / "shared" / "photos")
+needs_photos = pytest.mark.skipif(
+    not (PHOTOS / "sacre_coeur").is_dir(),
+    reason=f"no real photographs at {PHOTOS}: set VRCHAIN_PHOTOS to a folder of them",
+)
+SACRE_COEUR = sorted((PHOTOS / "sacre_coeur").glob("*.jpg"))
+BERLIN = sorted((PHOTOS / "berlin").glob("*.jpg"))
+
+
+@needs_photos
+def test_real_photos_of_one_building_share_it_and_others_do_not() -> None:
+    first, _, third, *_ = SACRE_COEUR
+    assert landmarks_of_files(first, third).claims
+    assert not landmarks_of_files(first, BERLIN[0]).claims
+
+
+@needs_photos
+@pytest.mark.slow
+def test_real_photos_at_full_count() -> None:
+    assert (len(SACRE_COEUR), len(BERLIN)) == (10, 3)
+    building = [bool(landmarks_of_files(a, b).claims) for a, b in combinations(SACRE_COEUR, 2)]
+    street_views = [bool(landmarks_of_files(a, b).claims) for a, b in combinations(BERLIN, 2)]
+    across = [bool(landmarks_of_files(a, b).claims) for a, b in product(SACRE_COEUR, BERLIN)]
+    assert (len(building), len(street_views), len(across)) == (45, 3, 30)
+    assert sum(building) >= 44
+    assert all(street_views)
+    assert not any(across)

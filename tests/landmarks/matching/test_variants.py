@@ -1,0 +1,102 @@
+import importlib
+import shutil
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+import pytest
+import sights
+
+from vrchain.errors import LearnedError, MissionError
+from vrchain.geometry import Pose
+from vrchain.landmarks.extraction.sift import extract
+from vrchain.landmarks.extraction.weights import SHIPPED
+from vrchain.landmarks.matching.common import MatchConfig, compare
+from vrchain.landmarks.matching.variants import at_half_resolution, halved, sift, variant_named
+
+HERE, THERE = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
+
+
+def test_sift_says_what_comparing_says() -> None:
+    variant = variant_named("sift")
+    a, b = (sights.look(pose) for pose in (HERE, THERE))
+    found = variant.compare(variant.look(a), variant.look(b))
+    direct = compare(extract(a), extract(b), a.rig)
+    assert found.common and [c.score for c in found.common] == [c.score for c in direct.common]
+    assert len(variant.keypoints(variant.look(a))) == len(extract(a))
+
+
+def test_a_score_from_which_claims_are_made() -> None:
+    a, b = (sights.look(pose) for pose in (HERE, THERE))
+    made = {
+        least: len(v.compare(v.look(a), v.look(b)).common)
+        for least in (0.02, MatchConfig().min_score, 0.99999)
+        for v in [sift(least)]
+    }
+    assert made[0.02] >= made[0.5] > made[0.99999] == 0
+
+
+def test_one_plugged_in(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("someone")
+    module.theirs = replace(sift(), name="theirs")  # type: ignore[attr-defined]
+    module.other = 3  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "someone", module)
+    assert variant_named("someone:theirs").name == "theirs"
+    for name in ("someone:other", "someone:missing", "nobody:theirs", "orb", ":x", ""):
+        with pytest.raises(MissionError, match="no variant"):
+            variant_named(name)
+
+
+def test_one_plugged_in_is_found_where_it_stands_and_known_by_its_file(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Else results of what it was before an edit would be taken for its own."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    code = (
+        "from dataclasses import replace\n"
+        "from vrchain.landmarks.matching.variants import sift\n"
+        "mine = replace(sift(), maker='weights')\n"
+    )
+    makers = []
+    for text in (code, f"{code}# edited\n", code):
+        (tmp_path / "plugged_in.py").write_text(text)
+        monkeypatch.delitem(sys.modules, "plugged_in", raising=False)
+        importlib.invalidate_caches()
+        makers.append(variant_named("plugged_in:mine").maker)
+    assert makers[0] == makers[2] != makers[1]
+    assert all(maker.startswith("weights ") for maker in makers)
+
+
+def test_half_the_resolution_is_the_same_view() -> None:
+    panorama = sights.look(HERE)
+    small = halved(panorama)
+    assert small.rig.span_rad == panorama.rig.span_rad
+    assert small.views.shape[1] * 2 == panorama.views.shape[1]
+    assert abs(float(small.views.mean()) - float(panorama.views.mean())) < 1
+    variant = variant_named("sift, half resolution")
+    assert variant.name == at_half_resolution(sift()).name == "sift, half resolution"
+    assert len(variant.keypoints(variant.look(panorama))) < len(extract(panorama))
+
+
+def test_fewer_keypoints_and_the_same_landmarks() -> None:
+    panorama = sights.look(Pose(0, 0, 0.5), sights.RIG)
+    every, fewer = variant_named("cnn+sift"), variant_named("cnn+sift, fewer keypoints")
+    one, other = every.look(panorama), fewer.look(panorama)
+    assert np.array_equal(one.proposals.embedding, other.proposals.embedding)
+    assert np.array_equal(one.spots.descriptors, other.spots.descriptors)
+    assert 0 < len(fewer.keypoints(other)) < len(every.keypoints(one))
+
+
+def test_other_weights_stand_beside_the_shipped_ones(tmp_path: Path) -> None:
+    shutil.copy(SHIPPED, tmp_path / "mine.pt")
+    with pytest.raises(LearnedError, match=r"mine\.json holds no calibration"):
+        variant_named(str(tmp_path / "mine.pt"))
+    shutil.copy(SHIPPED.with_suffix(".json"), tmp_path / "mine.json")
+    mine, shipped = variant_named(str(tmp_path / "mine.pt"), 0.3), variant_named("cnn+sift", 0.3)
+    assert mine.name == "cnn+sift, mine.pt" and mine.maker == shipped.maker
+    a, b = (sights.look(pose) for pose in (HERE, THERE))
+    for variant in (mine, shipped):
+        assert variant.compare(variant.look(a), variant.look(b)).geometry is not None

@@ -1,0 +1,145 @@
+"""Old blobs may go when the operator signs that, and only then; what no record needs is cleaned."""
+
+import os
+import shutil
+from pathlib import Path
+
+import pytest
+from ledgers import KEYS, OPERATOR_KEY, files, long_ledger, new_ledger, small_ledger
+
+from vrchain.ledger import Ledger, errors, verify
+from vrchain.ledger.records.encoding import digest
+from vrchain.ledger.storage.retention import blobs_to_keep, old_blobs
+
+
+def stored(folder: Path) -> set[bytes]:
+    return {bytes.fromhex(path.name) for path in (folder / "blobs").iterdir()}
+
+
+def test_dropped_blobs_are_gone_and_verify_says_how_many(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    small_ledger(folder)
+    with Ledger.open(folder, writable=True) as ledger:
+        first = ledger.history("R1")[0]
+        (record,) = ledger.drop_old(1, OPERATOR_KEY, 60)
+        assert record.blobs == (first.payload_digest,)
+        with pytest.raises(errors.DroppedError, match="dropped by the operator"):
+            ledger.payload(first.payload_digest)
+        assert ledger.drop_old(1, OPERATOR_KEY, 70) == []
+        assert ledger.transaction(first.id) == first  # the record stays
+    assert stored(folder) == {
+        digest(b"first of R2"),
+        digest(b"first of R3"),
+        digest(b"second of R1"),
+    }
+    found = verify(folder)
+    assert (found.ok, found.blocks, found.dropped) == (True, 7, 1)
+
+
+def test_a_blob_removed_without_a_record_is_found(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    long_ledger(folder)
+    assert verify(folder).ok
+    for blob in stored(folder):
+        copy = shutil.copytree(folder, tmp_path / blob.hex())
+        (copy / "blobs" / blob.hex()).unlink()
+        found = verify(copy)
+        assert not found.ok
+        assert blob.hex() in found.reason
+        assert found.first_bad_block is not None
+
+
+def test_what_is_published_again_after_a_drop_must_be_there(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    small_ledger(folder)
+    with Ledger.open(folder, writable=True) as ledger:
+        ledger.drop_old(1, OPERATOR_KEY, 60)
+        ledger.publish("R1", KEYS["R1"], b"first of R1", "time", 70)
+        assert verify(folder).dropped == 0
+        (folder / "blobs" / digest(b"first of R1").hex()).unlink()
+        with pytest.raises(errors.NotFoundError, match="is missing"):
+            ledger.payload(digest(b"first of R1"))
+    assert verify(folder).first_bad_block == 7  # where it was published again
+
+
+def test_the_newest_cannot_be_dropped(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    small_ledger(folder)
+    before = files(folder)
+    with Ledger.open(folder, writable=True) as ledger:
+        for robot in ledger.robots:
+            last = ledger.latest(robot)
+            assert last is not None
+            with pytest.raises(errors.DropError, match=f"newest of {robot}"):
+                ledger.drop([last.payload_digest], OPERATOR_KEY, 60)
+        with pytest.raises(errors.NotFoundError, match="keeps no blob"):
+            ledger.drop([bytes(32)], OPERATOR_KEY, 60)
+        first = ledger.history("R1")[0]
+        with pytest.raises(errors.SignatureError):
+            ledger.drop([first.payload_digest], KEYS["R1"], 60)
+        with pytest.raises(errors.RecordError, match="1 to"):
+            ledger.drop([], OPERATOR_KEY, 60)
+    assert files(folder) == before
+
+
+def test_an_expelled_robots_blobs_may_go_too(tmp_path: Path) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        last = ledger.publish("R1", KEYS["R1"], b"x", "start", 1, landmarks=b"seen")
+        ledger.expel("R1", OPERATOR_KEY, 2)
+        assert ledger.history("R1") == [last]
+        ledger.drop(last.blobs, OPERATOR_KEY, 3)
+    assert stored(tmp_path / "ledger") == set()
+    assert verify(tmp_path / "ledger").dropped == 2
+
+
+def test_bytes_that_two_robots_published_stay_while_one_needs_them(tmp_path: Path) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        ledger.publish("R1", KEYS["R1"], b"same", "start", 1)
+        ledger.publish("R2", KEYS["R2"], b"same", "start", 2)
+        ledger.publish("R1", KEYS["R1"], b"more", "time", 3)
+        assert ledger.drop_old(1, OPERATOR_KEY, 4) == []
+        records = [record for entry in ledger.entries() for record in entry.records]
+        assert old_blobs(records, keep=1) == []
+        assert blobs_to_keep(records) == {digest(b"same"), digest(b"more")}
+
+
+def test_keeping_more_than_one(tmp_path: Path) -> None:
+    with new_ledger(tmp_path / "ledger") as ledger:
+        for number in range(5):
+            ledger.publish("R1", KEYS["R1"], b"%d" % number, "time", number)
+        (record,) = ledger.drop_old(3, OPERATOR_KEY, 9)
+        assert set(record.blobs) == {digest(b"0"), digest(b"1")}
+        assert verify(tmp_path / "ledger").dropped == 2
+
+
+def test_clean_removes_orphans_only(tmp_path: Path) -> None:
+    folder = tmp_path / "ledger"
+    long_ledger(folder)
+    before = files(folder)
+    (folder / "blobs" / ("ab" * 32)).write_bytes(b"no record names it")
+    (folder / "blobs" / f".{'cd' * 32}.123.tmp").write_bytes(b"never finished")
+    (folder / "blobs" / "notes.txt").write_bytes(b"somebody's own")
+    with Ledger.open(folder, writable=True) as ledger:
+        assert ledger.clean() == 2
+        assert ledger.clean() == 0
+    (folder / "blobs" / "notes.txt").unlink()
+    assert files(folder) == before
+    assert verify(folder).ok
+    with Ledger.open(folder) as reader, pytest.raises(errors.ReadOnlyError):
+        reader.clean()
+
+
+def test_clean_finishes_a_drop_that_was_killed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The record is durable, the files are still there: a good ledger with orphans."""
+    folder = tmp_path / "ledger"
+    small_ledger(folder)
+    with Ledger.open(folder, writable=True) as ledger:
+        monkeypatch.setattr(ledger, "_remove_unneeded", lambda blobs: os.stat(folder))
+        ledger.drop_old(1, OPERATOR_KEY, 60)
+        assert digest(b"first of R1") in stored(folder)
+        assert verify(folder).ok
+        assert ledger.clean() == 1
+        assert digest(b"first of R1") not in stored(folder)
+        assert verify(folder).dropped == 1

@@ -1,0 +1,112 @@
+"""Driving by odometry, around what the range ring shows."""
+
+import numpy as np
+import pytest
+import worlds
+from plains import EYES, Plain, Walker
+
+from vrchain.geometry import Pose
+from vrchain.navigation.driving.drive import Pilot, nearest_of_surface_m, range_along_m
+from vrchain.navigation.settings import GaveUp, MissionConfig
+from vrchain.robot import Drive, beams_rad
+from vrchain.simulation.simulator import Simulator
+
+
+def pilot(shut_in: bool = False, **config: float) -> Pilot:
+    """A robot on open ground, its back to where it is going."""
+    walker = Walker(Plain(()), Pose(0.0, 0.0, np.pi), shut_in)
+    return Pilot(walker, EYES, MissionConfig(**config))  # type: ignore[arg-type]
+
+
+def there(x_m: float) -> np.ndarray:
+    """A place straight behind the start, in the frame of the robot's odometry."""
+    return np.array([-x_m, 0.0])
+
+
+def test_a_long_stretch_of_open_ground_is_driven_whole() -> None:
+    ours = pilot()
+    driven_m = ours.stretch(there(45.0), 1.0, 40.0)
+    assert driven_m is not None and driven_m >= 40.0
+    assert np.hypot(*(ours.here.xy_m - there(45.0))) < 7.0
+
+
+def test_who_makes_no_headway_is_stuck() -> None:
+    ours = pilot(shut_in=True)
+    assert ours.stretch(there(45.0), 1.0, 40.0) is None
+    assert ours.now.time_ns <= (ours.config.stuck_after_s + 2) * 1e9
+
+
+class Crossed(worlds.Body):
+    """A robot whose way another crosses, which minds nobody."""
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        self.simulator.step({"R1": command, "R2": Drive(0.7)}, duration_s)
+
+
+@pytest.mark.parametrize("side", [1, -1])
+@pytest.mark.parametrize(("ahead_m", "turned_rad"), [(0.9, 1.2), (1.2, 1.6)])
+def test_who_drives_gives_way_to_who_comes_from_the_side(
+    side: int, ahead_m: float, turned_rad: float
+) -> None:
+    """Steering alone, which minds what is ahead, drives into the other."""
+    start = {"R1": Pose(0, 0, 0.0), "R2": Pose(ahead_m, 1.4 * side, -turned_rad * side)}
+    simulator = Simulator(worlds.world(), start, seed=1)
+    ours = Pilot(Crossed(simulator), EYES, MissionConfig())
+    assert ours.stretch(np.array([9.0, 0.0]), 1.0, 6.0) is not None
+    assert simulator.collisions("R1") == 0
+    assert simulator.pose("R1").x_m > 5.0
+
+
+class Swaying(Walker):
+    """A robot that turns back after each step."""
+
+    def drive(self, command: Drive, duration_s: float) -> None:
+        ahead_m = 0.2 if round(self.time_ns / 1e9 / duration_s) % 2 else -0.2
+        self.pose = Pose(self.pose.x_m + ahead_m, self.pose.y_m, self.pose.yaw_rad)
+        self.time_ns += round(duration_s * 1e9)
+
+
+def test_who_goes_back_and_forth_is_stuck_too_and_may_try_again() -> None:
+    body = Swaying(Plain(()), Pose(0.0, 0.0, np.pi))
+    ours = Pilot(body, EYES, MissionConfig())  # type: ignore[arg-type]
+    assert ours.stretch(there(45.0), 1.0, 40.0) is None
+    first_s = ours.now.time_ns / 1e9
+    assert 40.0 <= first_s <= 45.0
+    assert ours.stretch(there(45.0), 1.0, 40.0) is None
+    assert ours.now.time_ns / 1e9 >= first_s + 40.0
+
+
+def test_the_time_ends_in_the_middle_of_a_stretch() -> None:
+    with pytest.raises(GaveUp, match="out of time after 10 s"):
+        pilot(limit_s=10.0).stretch(there(45.0), 1.0, 40.0)
+
+
+def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
+    ring = np.full(72, 8.0)
+    ring[18], ring[20], ring[0] = 3.0, 2.0, 1.0
+    beam = 2 * np.pi / 72
+    assert range_along_m(ring, 18 * beam) == 3.0
+    assert range_along_m(ring, 19 * beam) == 2.0
+    assert range_along_m(ring, 2 * np.pi - 0.05) == 1.0  # round the back of the ring
+    assert range_along_m(ring, -0.05) == 1.0
+    assert range_along_m(ring, 0.5) == 8.0
+    assert range_along_m(np.array([4.0]), 2.0) == np.inf
+
+
+@pytest.mark.parametrize("turn", [0, 20, 50])
+@pytest.mark.parametrize(
+    ("bearing_rad", "near_m"),
+    [(1.2, 1.5), (0.4, 1.5), (0.0, np.inf), (-1.2, 2.0), (-0.7, 4.88), (-2.2, 4.0)],
+)
+def test_a_surface_is_followed_to_where_it_comes_nearest(
+    bearing_rad: float, near_m: float, turn: int
+) -> None:
+    """A wall 1.5 m to the left, on the right a bush before a wall 4 m away."""
+    beams = beams_rad(72)
+    to_left = np.where(np.sin(beams) > 0, 1.5 / np.maximum(np.sin(beams), 1e-9), 8.0)
+    to_right = np.where(np.sin(beams) < 0, 4.0 / np.maximum(-np.sin(beams), 1e-9), 8.0)
+    ring = np.minimum(np.minimum(to_left, to_right), 8.0)
+    ring[np.abs(beams - (2 * np.pi - 1.2)) < 0.2] = 2.0
+    turned = np.roll(ring, turn)
+    told_m = nearest_of_surface_m(turned, bearing_rad + turn * 2 * np.pi / 72, reach_m=7.9)
+    assert told_m == pytest.approx(near_m, abs=0.05)

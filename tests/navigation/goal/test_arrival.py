@@ -1,0 +1,382 @@
+"""Driving up to what may be the goal, and standing at it."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.navigation.driving.drive import Pilot
+from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.goal.arrival import Arrival
+from vrchain.navigation.goal.candidates import Suspect
+from vrchain.navigation.goal.recognition import GoalSight
+from vrchain.navigation.settings import MissionConfig
+from vrchain.robot import beams_rad
+
+
+class Standing:
+    """A pilot that stands where it is: no way leads on."""
+
+    config, here = MissionConfig(), Pose(0.0, 0.0)
+    looks = ()
+    ways = SimpleNamespace(reach_m=7.9)
+
+    def __init__(self) -> None:
+        self.now = SimpleNamespace(time_ns=0)
+
+    def look_around(self) -> Any:
+        return None
+
+    def glance(self, bearing_rad: float) -> Any:
+        return None
+
+    def ahead_m(self, *bearing_rad: float) -> float:
+        return 8.0
+
+    def surface_m(self, bearing_rad: float) -> float:
+        return float("inf")
+
+    def until_ns(self, place: Place) -> int:
+        return self.now.time_ns + 1
+
+    def stretch(self, *way: object) -> None:
+        self.now.time_ns += 1
+
+
+def suspect(x_m: float, chance: float = 0.9) -> Suspect:
+    """Seen once, by 12 keypoints, so far ahead."""
+    sight = GoalSight(0.0, x_m, x_m, 0.2, 12, 3.0, chance)
+    return Suspect(Place(np.array([x_m, 0.0]), np.eye(2)), chance, ((Pose(0.0, 0.0), sight),))
+
+
+def arrival() -> Arrival:
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+
+
+def test_what_no_way_led_to_is_tried_once_more() -> None:
+    ours, far = arrival(), suspect(30.0)
+    assert not ours.drive_to(far) and not ours.was_mistaken(far.place)
+    assert not ours.drive_to(far) and ours.was_mistaken(far.place)
+
+
+def test_what_surely_is_the_goal_is_blocked_where_it_was_seen_not_at_its_far_side() -> None:
+    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 60, 3.0, 0.95)
+    seen = Suspect(Place(np.array([8.0, 0.0]), np.eye(2)), 0.95, ((Pose(0.0, 0.0), sight),))
+    ours = arrival()
+    assert not ours.drive_to(seen) and ours.is_blocked(seen.place)
+    assert not ours.drive_to(seen) and ours.was_mistaken(seen.place)
+
+
+def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
+    ours, near = arrival(), suspect(10.0)
+    ours.suspects.append(suspect(10.5))  # the same, noted at another look
+    assert ours.likeliest is not None
+    assert not ours.drive_to(near) and ours.was_mistaken(near.place)
+    assert ours.likeliest is None
+
+
+def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
+    """As it was met: a robot went round one house three times."""
+    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 12, 3.0, 0.9)
+    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    assert not ours.drive_to(suspect(8.0))
+    middle_xy_m = np.array([12.0, 0.0])
+    for angle in np.arange(0.0, 2 * np.pi, 0.5):
+        side = middle_xy_m + 4.0 * np.array([np.cos(angle), np.sin(angle)])
+        assert ours.was_mistaken(Place(side, np.eye(2)))
+    assert not ours.was_mistaken(Place(np.array([24.0, 0.0]), np.eye(2)))
+
+
+@pytest.mark.parametrize(("chance", "n_sides"), [(0.6, 1), (0.75, 2), (0.9, 4), (0.99, 5)])
+def test_what_is_less_likely_is_looked_at_from_fewer_sides(
+    chance: float, n_sides: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Each side that leaves it unsure halves its odds."""
+    ours, seen = arrival(), suspect(8.0, chance)
+    sides = iter([seen.place] * 5)
+    monkeypatch.setattr(ours, "_sides", lambda suspect, n: sides)
+    assert not ours._circle(seen).is_sure(MissionConfig())
+    assert 5 - len(list(sides)) == n_sides
+
+
+def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> None:
+    """As it was met: a barn was given up half round, and the side in its pictures was beyond."""
+    ours, seen = arrival(), suspect(8.0, 0.97)
+    middle_xy_m, pilot = np.array([12.0, 0.0]), cast(Any, ours.pilot)
+    turns: list[float] = []
+
+    def stretch(xy_m: Any, *way: object) -> float:
+        pilot.here, pilot.now.time_ns = Pose(*xy_m), pilot.now.time_ns + 1
+        return 1.0
+
+    def find(look: Any, bearing_rad: float, window_rad: float) -> GoalSight:
+        turns.append(pilot.here.bearing_to_rad(middle_xy_m))
+        surely = abs(turns[-1] + np.pi / 3) < 0.1
+        return GoalSight(bearing_rad, 8.0, 8.0, 0.2, 60 if surely else 12, 3.0, 0.97)
+
+    pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find))
+    assert ours._circle(seen).is_sure(MissionConfig())
+    assert len(turns) > 5  # at five sides, and on the way to the last
+
+
+def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() -> None:
+    """As it was met: a goal that was doubted by one poor sight, and then seen well in vain."""
+    ours = arrival()
+    assert not ours.drive_to(suspect(8.0, 0.6))
+    for chance, given_up in ((0.85, True), (0.95, False)):
+        assert ours.was_mistaken(suspect(8.0).place, chance) == given_up
+        ours.suspects = [suspect(8.0, chance)]
+        assert (ours.likeliest is None) == given_up
+    assert not ours.drive_to(suspect(8.0, 0.95))
+    assert ours.was_mistaken(suspect(8.0).place, 0.95)
+    assert ours.was_mistaken(suspect(8.0).place)
+
+
+def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
+    told: list[str] = []
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    log = lambda what, *args, **values: told.append(what)  # noqa: E731
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), log)
+    assert not ours.drive_to(suspect(8.0)) and not ours.drive_to(suspect(9.0))
+    assert told == ["approach", "circle", "doubt", "approach", "doubt"]
+
+
+@pytest.mark.parametrize(("chance", "goes_round"), [(0.96, True), (0.6, False)])
+def test_what_was_surely_seen_from_afar_is_gone_round_if_it_is_not_seen_from_near(
+    chance: float, goes_round: bool
+) -> None:
+    """As it was met: eight sights of a goal by a chance of 0.9 and more, and none from 8 m on."""
+    told: list[str] = []
+    log = lambda what, *args, **values: told.append(what)  # noqa: E731
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    pilot = Standing()
+    ours = Arrival(cast(Any, pilot), cast(Any, goal), log)
+    seen = suspect(8.0, chance)
+    for _ in range(3):
+        seen = ours._regarded(seen)
+    assert seen.against == 3 and (seen.chance > 0.5) == goes_round
+    ours.drive_to(seen)
+    assert ("circle" in told) == goes_round
+
+
+@pytest.mark.parametrize(("ahead_m", "against"), [(8.0, 1), (2.0, 0)])
+def test_a_glance_at_a_wall_just_ahead_does_not_speak_against_what_is_behind(
+    ahead_m: float, against: int
+) -> None:
+    """As it was met: ten of them along a goal's own wall, and it was given up."""
+    ours, seen = arrival(), suspect(8.0)
+    cast(Any, ours.pilot).ahead_m = lambda *asked: ahead_m
+    after = ours._regarded(seen)
+    assert after.against == against and (after.chance < seen.chance) == bool(against)
+
+
+def test_the_side_in_front_is_another_on_the_way() -> None:
+    """As it was met: a robot passed a long wall, and what it drove to fell behind, in the house."""
+    passed = Standing()
+    cast(Any, passed).stretch = lambda *way: setattr(passed.now, "time_ns", 10) or 4.0
+    cast(Any, passed).until_ns = lambda place: passed.now.time_ns + 1
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    ours = Arrival(cast(Any, passed), cast(Any, goal), lambda *args, **values: None)
+    before = suspect(30.0)
+    after = ours._close_in(before)
+    assert after.place.std_m**2 == pytest.approx(before.place.std_m**2 + 0.8)
+
+
+def test_two_looks_from_one_place_are_one_sight() -> None:
+    ours, sight = arrival(), GoalSight(0.0, 12.0, 12.0, 0.2, 18, 3.4, 0.9)
+    once = ours._with_sight(Suspect(Place(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)
+    again = ours._with_sight(once, replace(sight, chance=0.95))
+    assert len(again.sights) == 1 and again.chance == 0.95
+    assert again.place.std_m == once.place.std_m < 3.0
+
+
+class BeforeABush(Standing):
+    """Something narrow stands 0.8 m ahead, what is wide 3.2 m."""
+
+    def __init__(self, front_m: float) -> None:
+        super().__init__()
+        self.driven_to: list[float] = []
+        self.front_m = front_m
+
+    def ahead_m(self, bearing_rad: float, half_width_rad: float = 0.1, of: Any = np.min) -> float:
+        return 0.8 if of is np.min else self.front_m
+
+    def stretch(self, xy_m: Any, *way: object) -> None:
+        self.driven_to.append(float(xy_m[0]))
+
+
+@pytest.mark.parametrize(
+    ("front_m", "half_width_rad", "driven_to"),
+    [
+        (3.2, 0.3, [2.2]),
+        (1.2, 0.3, []),  # it stands before the front itself
+        (8.0, 0.3, []),  # nothing is behind
+        (3.2, 0.1, []),  # the goal is narrow
+    ],
+)
+def test_a_bush_before_a_wide_goal_is_gone_round(
+    front_m: float, half_width_rad: float, driven_to: list[float]
+) -> None:
+    pilot = BeforeABush(front_m)
+    goal = SimpleNamespace(find=lambda *asked, **fair: None)
+    ours = Arrival(cast(Any, pilot), cast(Any, goal), lambda *args, **values: None)
+    sight = GoalSight(0.0, 10.0, 9.0, half_width_rad, 40, 3.0, 0.99)
+    place = Place(np.array([1.0, 0.0]), np.eye(2))
+    ours._draw_up(Suspect(place, 0.99, ((Pose(-9.0, 0.0), sight),)))
+    assert pilot.driven_to == pytest.approx(driven_to)
+
+
+@pytest.mark.parametrize("off_by", [0.4, 0.9, 1.0, 1.15])
+@pytest.mark.parametrize("range_m", [2.0, 6.0])
+def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: float) -> None:
+    """From how far its pictures were taken is known about, or else told by how it grows.
+
+    As it was met: a store of a strange world seemed to be half as far as it was.
+    """
+    goal_x_m, sights = 30.0, []
+    for x_m in np.arange(0.0, 29.0 - range_m, 2.5):
+        looks_m = float(goal_x_m - x_m) * off_by
+        sight = GoalSight(0.0, looks_m, looks_m, 0.2, 20, 3.0, 0.99, sized=True)
+        sights.append((Pose(float(x_m), 0.0), sight))
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(goal_x_m - range_m, 0.0)
+    there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    if range_m < 4.0:
+        assert there is None
+    else:
+        assert there == pytest.approx([goal_x_m, 0.0], abs=2.0)
+    assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
+
+
+@pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
+def test_from_another_side_it_is_looked_at_before_it_is_claimed(
+    range_m: float, arrives: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was met: a hedge 5 m before the goal, which looked near in two sights of three."""
+    sight = GoalSight(0.0, 6.0, range_m, 0.2, 60, 3.4, 0.99, sized=True)
+    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    ahead = ((-12.0, 1.0), (-9.0, 1.0), (-6.0, range_m))  # stood, and believed it to be, on the x
+    seen = tuple((Pose(x_m, 0.0), replace(sight, surface_m=at_m - x_m)) for x_m, at_m in ahead)
+    before = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
+    beside: list[Suspect] = []
+
+    def sides(suspect: Suspect, n: int) -> Iterator[Place]:
+        beside.append(before)
+        yield before.place
+
+    monkeypatch.setattr(ours, "_sides", sides)
+    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: bool(beside))
+    assert ours.drive_to(before) == arrives and beside
+
+
+@pytest.mark.parametrize("unsure", [1, 2])
+def test_what_is_no_longer_sure_is_not_claimed(
+    unsure: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Surely the goal by two sights of so many more; a look from where it stands is unsure too."""
+    good = GoalSight(0.0, 8.0, 8.0, 0.2, 30, 3.4, 0.9)
+    poor = replace(good, n_matches=5, looks=2.6, chance=0.6)
+    goal = SimpleNamespace(find=lambda *asked, **fair: poor)
+    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    seen = tuple((Pose(-x_m, 0.0), s) for x_m, s in enumerate([good, good] + [poor] * unsure, 2))
+    at = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.9, seen)
+    assert at.is_sure(MissionConfig())
+    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
+    monkeypatch.setattr(ours, "_sides", lambda suspect, n: iter(()))
+    assert ours.drive_to(at) == (unsure == 1)
+    assert ours.was_mistaken(at.place) == (unsure == 2)
+
+
+def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
+    """From its other side it looked nearer than it was: that tells nothing of this one."""
+    before = [(Pose(x_m, 0.0), 0.4 * (30.0 - x_m), 0.0) for x_m in range(0, 25, 4)]
+    now = [(Pose(20.0, y_m), y_m + 1.0, -np.pi / 2) for y_m in (9.0, 6.0, 3.0)]
+    sights = tuple(
+        (here, GoalSight(bearing_rad, range_m, range_m, 0.2, 20, 3.0, 0.99, sized=True))
+        for here, range_m, bearing_rad in (*before, *now)
+    )
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(20.0, 1.2)
+    assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights)) is None
+
+
+@pytest.mark.parametrize(
+    ("looks_m", "met_m", "there"),
+    [(1.8, 1.0, True), (1.8, 6.0, False), (2.8, 1.0, False), (6.0, 1.0, False)],
+)
+def test_its_wall_is_met_before_it_is_believed_to_be(
+    looks_m: float, met_m: float, there: bool
+) -> None:
+    """As it was met: the goal was believed 4 m away, and its wall was in the way there."""
+    ours = arrival()
+    cast(Any, ours.pilot).ahead_m = lambda *asked: met_m
+    sight = GoalSight(0.0, looks_m, looks_m, 0.2, 40, 3.0, 0.99, sized=True)
+    at = Suspect(Place(np.array([4.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    assert ours._is_there(at) == there
+
+
+@pytest.mark.parametrize(("met_x_m", "side_x_m"), [(3.5, 5.0), (7.0, 7.0), (8.1, 5.0)])
+def test_what_is_met_beyond_it_is_not_its_side(met_x_m: float, side_x_m: float) -> None:
+    """As it was met: passing its goal's long wall, a robot took for it what came ahead, and next.
+
+    Seen from 4 m, which tells that to 1.3 m; what is met at 3.5 m is before where it is believed.
+    """
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(3.0, 0.0)
+    cast(Any, ours.pilot).ahead_m = lambda *asked: met_x_m - 3.0
+    sight = GoalSight(0.0, 4.0, 4.0, 0.2, 40, 3.0, 0.99, sized=True)
+    believed = Suspect(Place(np.array([5.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    assert ours._felt(believed).place.xy_m == pytest.approx([side_x_m, 0.0])
+
+
+@pytest.mark.parametrize("short_m", [-8.0, 8.0])
+def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: float) -> None:
+    """As it was met: by size a house was 8 m behind the robot, which stood before it."""
+    sights = []
+    for x_m in (0.0, 3.0, 6.0, 8.0):
+        range_m = 20.0 - short_m - x_m
+        sight = GoalSight(0.0, range_m, range_m, 0.2, 20, 3.0, 0.99, sized=True)
+        sights.append((Pose(x_m, 0.0), sight))
+    ours = arrival()
+    cast(Any, ours.pilot).here = Pose(20.0, 0.0)
+    there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    assert (there is None) == (short_m > 0)
+
+
+class BesideAWall(Standing):
+    """Along a wall to the right, and before what may be a bush."""
+
+    ahead_m, surface_m = Pilot.ahead_m, Pilot.surface_m  # type: ignore[assignment]
+
+    def __init__(self, wall_m: float, bush_rad: float, bush_m: float) -> None:
+        super().__init__()
+        beams = beams_rad(72)
+        ring = np.minimum(wall_m / np.maximum(-np.sin(beams), 1e-9), 8.0)
+        hidden = np.abs(wrap_angle_rad(beams - bush_rad)) < 0.3
+        ring[hidden] = np.minimum(ring[hidden], bush_m)
+        self.now.range_ring_m = ring
+
+
+@pytest.mark.parametrize(
+    ("wall_m", "bearing_rad", "bush_m", "here"),
+    [(1.4, -0.32, 8.0, True), (2.5, -0.6, 8.0, False), (1.4, -0.32, 1.2, False)],
+)
+def test_who_looks_along_its_wall_stands_before_it(
+    wall_m: float, bearing_rad: float, bush_m: float, here: bool
+) -> None:
+    """As it was met: a robot saw its goal's far end, 1.4 m from its wall, and went round it.
+
+    Not if that wall is nowhere near, nor if a bush is met before what is seen.
+    """
+    sight = GoalSight(bearing_rad, 6.5, 6.5, 0.4, 62, 3.5, 0.99, sized=True)
+    ours = arrival()
+    ours.pilot = cast(Any, BesideAWall(wall_m, bearing_rad, bush_m))
+    seen = Suspect(Place(np.array([1.4, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    assert (ours._behind_this(seen) is None) == here

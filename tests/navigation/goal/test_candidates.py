@@ -1,0 +1,131 @@
+"""When what may be the goal surely is, and how far its size says it is."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vrchain.geometry import Pose
+from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.goal.candidates import Suspect, by_growth
+from vrchain.navigation.goal.recognition import GoalSight
+from vrchain.navigation.settings import MissionConfig
+
+
+def is_sure(*sights: tuple[float, int, float, float], n_shown: int = 400, unsure: int = 0) -> bool:
+    """x_m of the robot, keypoints, range of the goal's side and looks of each sight.
+
+    n_shown: keypoints that the goal's picture shows; unsure: sights more, that tell little.
+    """
+    seen = tuple(
+        (
+            Pose(x_m, 0.0),
+            GoalSight(0.0, range_m, range_m, 0.2, keypoints, looks, 0.9, n_shown=n_shown),
+        )
+        for x_m, keypoints, range_m, looks in sights
+    )
+    seen += ((Pose(5.0, 0.0), GoalSight(0.0, 10.0, 10.0, 0.2, 7, 2.6, 0.3)),) * unsure
+    return Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen).is_sure(MissionConfig())
+
+
+def test_one_good_sight_is_enough() -> None:
+    assert is_sure((0, 10, 15, 2.8), (3, 54, 12, 2.8))
+    assert is_sure((0, 10, 15, 2.8), (11, 54, 4, 2.0))  # its keypoints show from near too
+    assert not is_sure((0, 10, 4, 2.8), (11, 54, 12, 2.0))  # its shape does not
+
+
+def test_fewer_keypoints_are_enough_in_a_sight_that_looks_like_nothing_else() -> None:
+    other = (3, 8, 12, 3.1)
+    assert is_sure((0, 28, 15, 3.4), other, n_shown=700)
+    assert not is_sure((0, 28, 4, 3.4), other)  # from too near
+    assert not is_sure((0, 28, 15, 3.1), (3, 8, 12, 3.4))  # in another sight
+
+
+def test_fewer_keypoints_are_not_enough_in_a_sight_unlike_most() -> None:
+    """As a house was met in a suburb: like nothing else in one sight of four."""
+    sight = (0.0, 24, 7.8, 3.3)
+    assert not is_sure(sight)
+    assert is_sure(sight, sight, unsure=2) and not is_sure(sight, sight, unsure=3)
+    assert is_sure((0, 54, 12, 2.8), unsure=3)  # so many are no house's of its make
+
+
+def test_a_plain_goal_needs_fewer_keypoints() -> None:
+    poor, poorer = [(0, 12, 15, 3.4)] * 2, [(0, 11, 15, 3.4)] * 2
+    assert not is_sure(*poor) and is_sure(*poor, n_shown=150)
+    assert not is_sure(*poorer, n_shown=20)  # no goal is so plain
+
+
+@pytest.mark.parametrize("keypoints", [40, 80])
+def test_keypoints_without_its_looks_are_not_the_goal(keypoints: int) -> None:
+    assert not is_sure((0, keypoints, 15, 2.0), (3, keypoints, 12, 2.0))
+
+
+@pytest.mark.parametrize(
+    "sights",
+    [
+        [(11, 29, 3.1), (13, 22, 2.8), (9, 15, 3.3)],
+        [(9, 20, 2.8), (11, 18, 2.8), (19, 15, 2.8), (27, 12, 2.8), (19, 10, 2.8), (22, 8, 2.8)],
+        [(7, 39, 2.8), (7, 40, 3.2), (8, 23, 3.4), (8, 19, 3.5), (8, 14, 3.4), (9, 9, 3.3)] * 3,
+        [(18, 7, 3.3), (15, 5, 3.3), (11, 11, 2.7), (15, 9, 3.2), (16, 6, 3.0), (12, 4, 3.5)],
+        [(11, 12, 2.5), (11, 10, 2.6), (11, 7, 2.7), (13, 12, 2.2), (20, 11, 2.4), (15, 7, 2.5)],
+    ],
+)
+def test_a_house_like_the_goal_is_not_the_goal(sights: list[tuple[int, float, float]]) -> None:
+    """As five were met in suburbs: what agrees are windows, doors and timber of the same make."""
+    assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
+
+
+def test_never_seen_is_never_sure() -> None:
+    assert not is_sure()
+
+
+def _driven_to(ranges_m: Sequence[float], off_by: Sequence[float]) -> float:
+    stood = np.array([[30.0 - range_m, 0.0] for range_m in ranges_m])
+    return by_growth(
+        stood, np.array([[r * off, 0.0] for r, off in zip(ranges_m, off_by, strict=True)])
+    )
+
+
+@given(
+    off_by=st.floats(0.3, 2.0),
+    ranges_m=st.lists(st.floats(2.0, 25.0), min_size=3, max_size=12, unique=True),
+)
+def test_growth_tells_no_more_than_how_far_it_is_and_no_less(
+    off_by: float, ranges_m: list[float]
+) -> None:
+    ranges_m = sorted(ranges_m, reverse=True)
+    told = _driven_to(ranges_m, [off_by] * len(ranges_m))
+    low, high = sorted([1.0, 1 / off_by])
+    assert low - 1e-6 <= told <= high + 1e-6
+    assert _driven_to(ranges_m[:2], [off_by] * 2) == 1.0  # too few
+
+
+def test_how_it_grows_is_not_told_by_sizes_that_are_rough() -> None:
+    """Sizes as they are in suburbs, each off by a tenth."""
+    draws = np.random.default_rng(0)
+    told = [_driven_to(np.arange(20.0, 1.0, -2.5), draws.normal(1.0, 0.1, 8)) for _ in range(500)]
+    assert 0.8 < min(told) <= max(told) < 1.2 and abs(np.mean(told) - 1.0) < 0.02
+
+
+def test_a_sight_that_may_be_of_something_else_tells_no_size() -> None:
+    """As it was met: the house behind a fence, first seen from 35 m by 8 keypoints, by chance.
+
+    Without that sight it goes back before the robot, and is 4.7 m away.
+    """
+    seen = [(31.9, 39.7, 0.23), (15.2, 13.1, 0.72), (12.3, 11.4, 0.95), (9.2, 9.1, 0.95)]
+    seen += [(6.1, 7.4, 0.96), (3.0, 5.6, 0.99), (0.0, 4.2, 0.84)]
+    sights = tuple(
+        (Pose(-off_m, 0.0), GoalSight(0.0, side_m, side_m, 0.2, 17, 3.2, chance, sized=True))
+        for off_m, side_m, chance in seen
+    )
+    told = Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights).by_size()
+    assert told is not None and told[0][0] == pytest.approx(4.7, abs=1.5)
+
+
+def test_what_comes_to_meet_the_robot_is_nearer_than_its_size_says() -> None:
+    """A house whose pictures were taken from nearer than was supposed; three sights tell little."""
+    far, near = ([20.0, 17.0, 14.0], [20.0, 17.0, 14.0, 11.0, 8.0, 5.0, 2.0])
+    assert 0.9 < _driven_to(far, [1.4] * 3) < 1.0
+    assert _driven_to(near, [1.4] * 7) == pytest.approx(1 / 1.4, abs=0.05)

@@ -1,0 +1,109 @@
+from dataclasses import replace
+
+import answers
+import numpy as np
+import pytest
+from plains import CALIBRATION, Plain, Thing
+
+from vrchain.geometry import Pose
+from vrchain.landmarks.extraction.proposer import from_answers, nothing
+from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.extraction.sift import NO_FEATURES, Features
+from vrchain.landmarks.extraction.spots import NO_SPOTS
+from vrchain.landmarks.retrieval.lookup import sought
+from vrchain.landmarks.retrieval.recognition import Goal, Template
+from vrchain.navigation.goal.recognition import FoundOnce, GoalPictures, _of_subject, any_sight
+
+HERE = Pose(0.0, 0.0, 0.3)
+PLAIN = Plain(
+    (
+        Thing("goal", (12.0, 3.0)),
+        Thing("other", (10.0, -6.0)),
+        Thing("double", (-9.0, 5.0), looks="goal", share=0.2),
+    )
+)
+GOAL = PLAIN.goal("goal", 3.4, 1.8, -2.0, 0.2)
+
+
+def test_the_goal_is_found_where_it_is() -> None:
+    sight = GOAL.find(PLAIN.look(HERE))
+    assert sight is not None and sight.chance > 0.95 and sight.n_matches > 30
+    assert sight.bearing_rad == pytest.approx(HERE.bearing_to_rad((12.0, 3.0)), abs=0.03)
+    assert sight.range_m == pytest.approx(HERE.distance_to_m((12.0, 3.0)), abs=0.1)
+    assert sight.surface_m == pytest.approx(sight.range_m, rel=0.15)
+
+
+def test_a_double_and_what_looks_otherwise_are_less_likely() -> None:
+    true = GOAL.find(PLAIN.look(HERE))
+    double = GOAL.find(PLAIN.look(HERE), HERE.bearing_to_rad((-9.0, 5.0)), 0.2)
+    other = GOAL.find(PLAIN.look(HERE), HERE.bearing_to_rad((10.0, -6.0)), 0.2)
+    assert true and double and other
+    assert true.chance > double.chance > other.chance
+    assert other.chance < 0.05
+
+
+def test_behind_what_is_known_to_be_no_goal_another_is_found() -> None:
+    look = PLAIN.look(HERE)
+    best = GOAL.find(look)
+    second = GOAL.find(look, fair=lambda sight: sight != best)
+    assert best and second and second.chance < best.chance
+    assert second.bearing_rad == pytest.approx(HERE.bearing_to_rad((-9.0, 5.0)), abs=0.03)
+    assert GOAL.find(look, fair=lambda sight: False) is None
+    once = FoundOnce(GOAL)
+    assert once.find(look) == best and once.find(look, fair=lambda s: s != best) == second
+
+
+def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
+    look = PLAIN.look(HERE)
+    assert GOAL.find(look, HERE.bearing_to_rad((0.0, -10.0)), 0.1) is None
+    empty = Plain((Thing("gone", (5.0, 0.0), visible_from=lambda pose: False),)).look(HERE)
+    assert GOAL.find(empty) is None
+    assert GoalPictures(sought([]), Goal(()), CALIBRATION, ()).find(look) is None
+
+
+def test_without_spots_and_keypoints_looks_alone_prove_nothing() -> None:
+    look = replace(PLAIN.look(HERE), spots=NO_SPOTS)
+    bare = replace(GOAL, keypoints=Goal(()))
+    sight = bare.find(look)
+    assert sight is not None and sight.n_matches == 0 and sight.chance < 0.1
+
+
+def test_how_far_the_goal_is_by_how_large_it_looks() -> None:
+    for x_m, range_m in ((0.0, 12.0), (4.0, 8.0)):
+        sight = GOAL.find(PLAIN.look(Pose(x_m, 3.0)))
+        assert sight and sight.sized and sight.surface_m == pytest.approx(range_m, rel=0.2)
+    assert not replace(GOAL, keypoints=Goal(())).find(PLAIN.look(HERE)).sized
+
+
+def test_it_is_looked_for_once_in_a_look_but_each_time_in_a_window() -> None:
+    asked = []
+
+    class Asked:
+        def find(self, look, near_rad=None, window_rad=0.4, fair=any_sight):
+            asked.append(near_rad)
+            return GOAL.find(look, near_rad, window_rad, fair)
+
+    look, goal = PLAIN.look(HERE), FoundOnce(Asked())
+    assert goal.find(look) is goal.find(look) is not None
+    goal.find(look, 0.1)
+    goal.find(PLAIN.look(HERE))
+    assert asked == [None, 0.1, None]
+
+
+def test_what_stands_beside_a_pictures_subject_is_not_of_it() -> None:
+    centres_m = np.array([[10.0, 0.0], [8.0, 6.0]])
+    said = answers.perfect(
+        answers.posts(Pose(0, 0), centres_m), Pose(0, 0), centres_m, answers.looks(2)
+    )
+    found = from_answers(said, answers.RIG)
+    picture = LandmarkRecord(answers.RIG, "ab" * 32, found, NO_FEATURES)
+    bearing = np.array([0.0, np.arctan2(6.0, 8.0), 2.0])  # the subject, what is beside it, nothing
+    keypoints = Features(
+        bearing, np.full(3, 0.05), np.full(3, 0.01), np.zeros((3, 128), dtype=np.uint8)
+    )
+    kept, taken_m = _of_subject(Template(keypoints, 0.5), picture)
+    assert taken_m == pytest.approx(10.0, rel=0.1), "from where its subject stands"
+    assert kept.features.bearing_rad.tolist() == [0.0] and kept.half_width_rad == 0.5
+    unknown = replace(picture, proposals=nothing())
+    of_all, usual_m = _of_subject(Template(keypoints, 0.5), unknown)
+    assert len(of_all.features) == 3 and 6.0 < usual_m < 15.0

@@ -1,0 +1,274 @@
+import json
+import struct
+
+import cv2
+import numpy as np
+import pytest
+import worlds
+from hypothesis import given
+from hypothesis import strategies as st
+
+from vrchain.errors import ImageError, SpecError
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.panorama import CameraRig, Codec, Panorama, encode_png, read_image, view_change
+from vrchain.seeding import generator
+from vrchain.world.render import Renderer
+
+RIGS = [CameraRig(), worlds.SMALL_RIG, CameraRig(3, 40, 30, 120.0), CameraRig(1, 64, 48, 90.0)]
+TINY = CameraRig(n_views=3, width_px=24, height_px=16, field_of_view_deg=120.0)
+
+
+def noise_panorama(rig: CameraRig) -> Panorama:
+    shape = (rig.n_views, rig.height_px, rig.width_px, 3)
+    return Panorama(rig, generator(0, "noise").integers(0, 256, shape, dtype=np.uint8))
+
+
+def smooth_panorama(rig: CameraRig) -> Panorama:
+    """A picture that JPEG can keep: colour goes with the bearing and the slope."""
+    rays = rig.ray_directions()
+    return Panorama(rig, (127.5 + 120 * rays).astype(np.uint8))
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_columns_and_bearings_are_inverse(rig: CameraRig) -> None:
+    rows, columns = rig.cylinder_shape
+    columns_px = np.arange(columns)
+    bearing_rad = rig.bearing_of_column(columns_px)
+    assert np.allclose(rig.column_of_bearing(bearing_rad), columns_px)
+    assert np.allclose(rig.row_of_slope(rig.slope_of_row(np.arange(rows))), np.arange(rows))
+    assert (np.diff(bearing_rad) < 0).all()  # leftmost is the largest bearing
+    assert np.allclose(bearing_rad + bearing_rad[::-1], 0)  # the middle looks ahead
+    assert bearing_rad[0] < rig.span_rad / 2
+    assert np.isclose(bearing_rad[0] - bearing_rad[-1], rig.span_rad * (1 - 1 / columns))
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_rays_project_back_onto_their_pixels(rig: CameraRig) -> None:
+    rays = rig.ray_directions()
+    assert rays.shape == (rig.n_views, rig.height_px, rig.width_px, 3)
+    assert np.allclose(np.linalg.norm(rays, axis=-1), 1, atol=1e-6)
+    for view in range(rig.n_views):
+        x, y, z = np.moveaxis(rays[view].astype(float), -1, 0)
+        x_px, y_px = rig.project(view, np.arctan2(y, x), z / np.hypot(x, y))
+        assert np.allclose(x_px, np.arange(rig.width_px)[None, :], atol=1e-3)
+        assert np.allclose(y_px, np.arange(rig.height_px)[:, None], atol=1e-3)
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_cylinder_pixels_show_their_own_direction(rig: CameraRig) -> None:
+    cylinder = smooth_panorama(rig).cylinder.astype(float)
+    rows, columns = rig.cylinder_shape
+    assert cylinder.shape == (rows, columns, 3)
+    bearing = rig.bearing_of_column(np.arange(columns))[None, :]
+    slope = rig.slope_of_row(np.arange(rows))[:, None]
+    rays = np.stack(np.broadcast_arrays(np.cos(bearing), np.sin(bearing), slope), axis=-1)
+    rays /= np.linalg.norm(rays, axis=-1, keepdims=True)
+    assert np.abs(cylinder - (127.5 + 120 * rays)).max() < 2.5
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_every_cylinder_direction_lies_inside_its_view(rig: CameraRig) -> None:
+    columns = rig.cylinder_shape[1]
+    bearing = rig.bearing_of_column(np.arange(columns))
+    view = rig.view_of_bearing(bearing)
+    off_axis = wrap_angle_rad(bearing - rig.azimuths_rad[view])
+    assert np.abs(off_axis).max() <= np.pi / rig.n_views
+    x_px, y_px = rig.project(view, bearing, np.full(columns, rig.slope_of_row(0)))
+    assert x_px.min() > -0.5 and x_px.max() < rig.width_px - 0.5
+    assert y_px.min() > -0.5
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        {"n_views": 0},
+        {"n_views": 8.0},
+        {"n_views": True},
+        {"n_views": 5},  # 5 x 60 degrees leave gaps
+        {"width_px": 640.5},
+        {"height_px": 10**9},
+        {"field_of_view_deg": 180.0},
+        {"field_of_view_deg": float("nan")},
+        {"field_of_view_deg": "60"},
+        {"camera_height_m": -1.0},
+    ],
+)
+def test_impossible_rigs_are_refused(bad: dict) -> None:
+    with pytest.raises(SpecError, match="camera rig"):
+        CameraRig(**bad)
+
+
+@pytest.mark.parametrize("shape", [(2, 16, 24, 3), (3, 24, 16, 3), (3, 16, 24)])
+def test_views_must_fit_the_rig(shape: tuple[int, ...]) -> None:
+    with pytest.raises(ImageError, match="expected uint8 views"):
+        Panorama(TINY, np.zeros(shape, dtype=np.uint8))
+    with pytest.raises(ImageError, match="float64"):
+        Panorama(TINY, np.zeros((3, 16, 24, 3)))
+
+
+@pytest.mark.parametrize("rig", RIGS)
+def test_encoding_keeps_the_picture(rig: CameraRig) -> None:
+    panorama = smooth_panorama(rig)
+    blob = panorama.encode()
+    again = Panorama.decode(blob)
+    assert again.rig == rig
+    assert np.abs(again.views.astype(int) - panorama.views).mean() < 2
+    assert panorama.encode() == blob
+
+
+@pytest.mark.parametrize("codec", [Codec("png"), Codec("webp", 101)])
+def test_codecs_without_loss_keep_every_pixel(codec: Codec) -> None:
+    panorama = noise_panorama(TINY)
+    assert np.array_equal(Panorama.decode(panorama.encode(codec)).views, panorama.views)
+
+
+def test_an_unknown_codec_is_refused() -> None:
+    with pytest.raises(ImageError, match="jpeg, webp, png, got 'gif'"):
+        Codec("gif")
+
+
+def with_header(header: object) -> bytes:
+    table = header if isinstance(header, bytes) else json.dumps(header).encode()
+    return b"VRPANO\x00\x01" + struct.pack(">I", len(table)) + table
+
+
+GOOD_RIG = {"n_views": 1, "width_px": 16, "height_px": 16}
+
+
+@pytest.mark.parametrize(
+    "blob",
+    [
+        b"",
+        b"VRPANO\x00\x01",
+        b"VRPANO\x00\x01\xff\xff\xff\xff",
+        b"\xff\xd8\xff\xe0 a photograph",
+        with_header(b"\xff\xfe"),
+        with_header(b"[" * 100_000),
+        with_header([]),
+        with_header({"rig": {}, "view_bytes": [1]}),
+        with_header({"rig": [], "view_bytes": []}),
+        with_header({"rig": {"lens": 1}, "view_bytes": []}),
+        with_header({"rig": {"n_views": 1.0}, "view_bytes": [0]}),
+        with_header({"rig": GOOD_RIG, "view_bytes": 3}),
+        with_header({"rig": GOOD_RIG, "view_bytes": [0]}),
+        with_header({"rig": GOOD_RIG, "view_bytes": [float("inf")]}),
+        with_header({"rig": GOOD_RIG, "view_bytes": [float("nan")]}),
+        with_header({"rig": GOOD_RIG, "view_bytes": [2**63]}),
+        with_header({"rig": GOOD_RIG, "view_bytes": [2**80]}),
+        with_header({"rig": GOOD_RIG, "view_bytes": [-5]}) + b"12345",
+        with_header({"rig": GOOD_RIG, "view_bytes": [5]}) + b"12345",
+        noise_panorama(TINY).encode() + b"x",
+        noise_panorama(TINY).encode()[:-1],
+    ],
+    ids=range(21),
+)
+def test_what_is_no_encoded_panorama_is_refused(blob: bytes) -> None:
+    with pytest.raises(ImageError):
+        Panorama.decode(blob)
+
+
+def test_a_view_of_another_size_than_the_rig_says_is_refused() -> None:
+    blob = noise_panorama(TINY).encode()
+    with pytest.raises(ImageError, match="another size"):
+        Panorama.decode(blob.replace(b'"width_px":24', b'"width_px":25'))
+
+
+@given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=8))
+def test_mutated_blobs_decode_or_raise_image_error(changes: list[tuple[int, int]]) -> None:
+    blob = bytearray(noise_panorama(TINY).encode())
+    for place, value in changes:  # half of them into the header
+        limit = 300 if place % 2 else len(blob)
+        blob[place % limit] = value
+    try:
+        assert Panorama.decode(bytes(blob)).views.dtype == np.uint8
+    except ImageError as error:
+        assert str(error)
+
+
+@given(st.binary(max_size=200))
+def test_random_bytes_are_no_panorama(tail: bytes) -> None:
+    for blob in (tail, b"VRPANO\x00\x01" + tail):
+        with pytest.raises(ImageError):
+            Panorama.decode(blob)
+
+
+@pytest.mark.parametrize("rig", [TINY, RIGS[3]])
+def test_saved_panorama_is_read_back_exactly(tmp_path, rig: CameraRig) -> None:
+    panorama = noise_panorama(rig)
+    panorama.save(tmp_path)
+    again = Panorama.load(tmp_path)
+    assert again.rig == rig
+    assert np.array_equal(again.views, panorama.views)
+    assert np.array_equal(read_image(tmp_path / "cylinder.png"), panorama.cylinder)
+
+
+def test_loading_names_what_is_wrong(tmp_path) -> None:
+    with pytest.raises(ImageError, match=r"no panorama: it holds no panorama\.json"):
+        Panorama.load(tmp_path)
+    noise_panorama(TINY).save(tmp_path)
+    marker, view = tmp_path / "panorama.json", tmp_path / "view_2.png"
+    good_view, good_marker = view.read_bytes(), marker.read_text()
+    view.write_bytes(encode_png(np.zeros((16, 25, 3), dtype=np.uint8)))
+    with pytest.raises(ImageError, match=r"view_2\.png: expected 24 x 16 .* got 25 x 16"):
+        Panorama.load(tmp_path)
+    view.unlink()
+    with pytest.raises(ImageError, match=r"view_2\.png: No such file"):
+        Panorama.load(tmp_path)
+    view.write_bytes(good_view)
+    for wrong in ("", "[]", '{"rig": 3}', '{"rig": {"n_views": 3.0}}', "[" * 100_000):
+        marker.write_text(wrong)
+        with pytest.raises(ImageError, match=r"panorama\.json: unreadable"):
+            Panorama.load(tmp_path)
+    marker.write_text(good_marker)
+    assert Panorama.load(tmp_path).rig == TINY
+
+
+@pytest.mark.parametrize("content", [b"", b"text, not a picture", b"\x89PNG\r\n\x1a\n broken"])
+def test_files_that_are_no_images_are_refused(tmp_path, content: bytes) -> None:
+    path = tmp_path / "a.png"
+    path.write_bytes(content)
+    with pytest.raises(ImageError, match=r"a\.png: expected an image"):
+        read_image(path)
+
+
+def test_unreadable_files_are_refused(tmp_path) -> None:
+    with pytest.raises(ImageError, match="No such file"):
+        read_image(tmp_path / "none.png")
+    with pytest.raises(ImageError, match="directory"):
+        read_image(tmp_path)
+
+
+def test_grey_and_transparent_images_become_rgb(tmp_path) -> None:
+    for shape in [(5, 7), (5, 7, 4)]:
+        cv2.imwrite(str(tmp_path / "a.png"), np.full(shape, 200, dtype=np.uint8))
+        assert np.array_equal(read_image(tmp_path / "a.png"), np.full((5, 7, 3), 200))
+
+
+def test_encode_png_keeps_the_order_of_colours(tmp_path) -> None:
+    image = np.zeros((4, 4, 3), dtype=np.uint8)
+    image[0] = (250, 100, 5)
+    (tmp_path / "a.png").write_bytes(encode_png(image))
+    assert np.array_equal(read_image(tmp_path / "a.png"), image)
+
+
+def test_view_change_ignores_turning_and_grows_with_distance() -> None:
+    renderer = Renderer(worlds.yard())
+
+    def signature(x_m: float, y_m: float, yaw_rad: float) -> np.ndarray:
+        return renderer.render(Pose(x_m, y_m, yaw_rad), worlds.SMALL_RIG).signature()
+
+    here = signature(0, 0, 0)
+    assert view_change(here, here) == pytest.approx(0, abs=1e-6)
+    turned = [view_change(here, signature(0, 0, yaw)) for yaw in np.linspace(0.03, 6.2, 9)]
+    moved = [view_change(here, signature(d, -d, 1.0)) for d in (0.2, 0.4, 0.8, 1.5)]
+    assert max(turned) < 0.1
+    assert moved == sorted(moved)
+    assert moved[-1] > 0.4
+
+
+def test_view_change_of_blank_views() -> None:
+    blank = np.zeros((16, 180), dtype=np.float32)
+    other = blank.copy()
+    other[3, 5] = 9
+    assert view_change(blank, blank) == 0
+    assert view_change(blank, other) == 1

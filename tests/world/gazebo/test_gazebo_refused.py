@@ -1,0 +1,378 @@
+"""What is wrong with a world or its models is refused by file and line or element, and soon."""
+
+import errno
+import os
+import re
+import struct
+import time
+import zlib
+from pathlib import Path
+
+import gazebo_files as gz
+import pytest
+from gazebo_files import box, include, mesh, model, visual, world, write
+
+from vrchain.errors import SpecError
+from vrchain.world import load_scene
+from vrchain.world.gazebo import designs, limits, primitives
+
+CRATE = model(visual(box("1 1 1")))
+BOMB = (
+    '<!DOCTYPE b [<!ENTITY a "aaaaaaaaaa">'
+    + "".join(
+        f'<!ENTITY {c} "{f"&{b};" * 10}">' for b, c in zip("abcdefgh", "bcdefghi", strict=True)
+    )
+    + "]>"
+)
+
+
+@pytest.fixture(autouse=True)
+def no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+def refused(
+    folder: Path, document: str | bytes, files: dict[str, str | bytes] | None = None
+) -> str:
+    """The one line that a world is refused with, in seconds."""
+    write(folder, {"worlds/test.world": document, **(files or {})})
+    start_s = time.monotonic()
+    with pytest.raises(SpecError) as told:
+        load_scene(folder / "worlds" / "test.world")
+    assert time.monotonic() - start_s < 10
+    message = str(told.value)
+    assert "\n" not in message and len(message) < 900
+    return message
+
+
+@pytest.mark.parametrize(
+    ("document", "parts"),
+    [
+        ("", ["test.world:1", "expected XML"]),
+        ("seed: 3", ["test.world:1", "expected XML"]),
+        ("<sdf>\n<world>\n</sdf>", ["test.world:3", "mismatched tag"]),
+        ("<robot/>", ["test.world:1: <robot>", "<sdf>"]),
+        ("<sdf/>", ["test.world:1: <sdf>", "<world> or a <model>"]),
+        (BOMB + "<sdf>&i;</sdf>", ["test.world:1", "DOCTYPE"]),
+        ('<!DOCTYPE s SYSTEM "/etc/passwd"><sdf/>', ["test.world:1", "DOCTYPE"]),
+        ('<?xml version="1.0" encoding="klingon"?><sdf/>', ["test.world", "expected XML"]),
+        ("<a>" * 5000, ["test.world:1", "deep"]),
+        (world(""), ["test.world", "nothing in this world"]),
+        (world("\n" + include("model://gone")), [":2: <include>", "'model://gone'", "_MODEL_PATH"]),
+        (world(include("")), ["<include>", "<uri>"]),
+        (world(include("https://fuel.org/models/car")),
+         ["<include>", "https://fuel.org", "nothing is fetched", "GAZEBO_MODEL_PATH"]),
+        (world(model(visual(mesh("https://fuel.org/a.dae")))), ["<uri>", "nothing is fetched"]),
+        (world(model(visual(mesh("file:///etc/a.dae")))), ["<uri>", "leads out of the model"]),
+        (world(model(visual(mesh("x" * 300)))), [":1: <uri>", "name too long", "at most 255"]),
+        (world(model(visual(box("1 1 1"), pose="1 2 3"))), [":1: <pose>", "6 finite", "'1 2 3'"]),
+        (world(model(visual(box("1 1 1"), pose="nan 0 0 0 0 0"))), ["<pose>", "finite"]),
+        (world(model(visual(box("1 1 1"), pose="0 1e9 0 0 0 0"))),
+         ["test.world:1: <pose>", "within 100 km"]),
+        (world("\n" + model(visual(box("1 1 1"), pose="0 6e4 0 0 0 0"), pose="0 6e4 0 0 0 0")),
+         ["test.world:2: <model>", "'thing'", "km away"]),
+        (world(model(visual(box("1 1 1"), pose="1e308 0 0 0 0 0"), pose="1e308 0 0 0 0 0")),
+         ["test.world:1: <pose>", "within 100 km"]),
+        (world('<model name="m"><link name="l"><visual name="v"><geometry><heightmap/></geometry>'
+               "</visual></link></model>"), ["nothing in this world", "heightmaps: 1"]),
+        (world(gz.GROUND_MODEL + model(visual(box("1 1 1")), pose="900 900 0 0 0 0")),
+         ["test.world", "300 m of the origin", "x in 899.5..900.5"]),
+        (world(model(visual(box("1 -1 1")))), ["<size>", "more than 0"]),
+        (world(model(visual("<box/>"))), ["<box>", "<size>"]),
+        (world(model(visual(box("1e5 1 1")))), ["'thing'", "1e+05 m large", "<scale>"]),
+        (world(model(visual(box("1e-9 1e-9 1e-9")))), ["'thing'", "m large"]),
+        (world(model(visual(mesh("gone.dae")))), ["<uri>", "no mesh 'gone.dae'"]),
+        (world(model(visual(mesh("a.blend")))), ["<uri>", "a.blend"]),
+        (
+            world('<model name="m"><pose relative_to="f"/></model><frame name="f"><pose '
+                  'relative_to="g"/></frame><frame name="g"><pose relative_to="f"/></frame>'),
+            ["depends on itself", "f -> g -> f"],
+        ),
+        (world('<model name="m"><pose relative_to="f"/></model>'), ["no frame 'f'"]),
+        (world('<model name="m"><pose relative_to="n::l"/></model><model name="n"/>'),
+         ["test.world:1: <model>", "no frame 'l'"]),
+    ],
+)  # fmt: skip
+def test_documents(tmp_path: Path, document: str, parts: list[str]) -> None:
+    message = refused(tmp_path, document)
+    assert [p for p in parts if p not in message] == []
+
+
+def test_a_script_and_a_world_of_too_long_a_name(tmp_path: Path) -> None:
+    material = f"<material><script><uri>{'x' * 300}</uri><name>A</name></script></material>"
+    message = refused(tmp_path, world(model(visual(box("1 1 1"), material=material))))
+    assert "test.world:1: <uri>" in message and "name too long" in message
+    message = refused(tmp_path, world(include("model://" + "x" * 300)), gz.folder_of("m", CRATE))
+    assert "test.world:1: <include>" in message and "name too long" in message
+    with pytest.raises(SpecError, match="name too long"):
+        load_scene(tmp_path / f"{'x' * 300}.world")
+
+
+def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path, gz.folder_of("m", CRATE))
+    closed = tmp_path / "models" / "m" / "model.config"
+    stat = Path.stat
+
+    def refuse(path: Path, **options: bool) -> os.stat_result:
+        if path == closed:
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return stat(path, **options)
+
+    monkeypatch.setattr(Path, "stat", refuse)
+    message = refused(tmp_path, world(include("model://m")))
+    assert "model.config: cannot look there (Permission denied)" in message
+
+
+def test_no_file_and_a_folder(tmp_path: Path) -> None:
+    (tmp_path / "d.world").mkdir()
+    for name, what in (("gone.sdf", "is not there"), ("d.world", "is a folder")):
+        with pytest.raises(SpecError, match=f"{name} {what}"):
+            load_scene(tmp_path / name)
+
+
+@pytest.mark.parametrize(
+    "uri",
+    ["model://../..", "model://../secret", "model:///etc/passwd", "../../secret", "/etc/passwd",
+     "model://m/../../secret"],
+)  # fmt: skip
+def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
+    files: dict[str, str | bytes] = {
+        "secret/model.sdf": f"<sdf>{CRATE}</sdf>",
+        **gz.folder_of("m", CRATE),
+    }
+    message = refused(tmp_path, world(include(uri)), files)
+    assert "leads out of the model folders" in message or "no model" in message
+    inside = model(visual(mesh(f"{uri}/a.dae")))
+    write(tmp_path / "secret", {"a.dae": gz.dae()})
+    message = refused(tmp_path, world(include("model://m")), {**files, **gz.folder_of("m", inside)})
+    assert "leads out of the model folders" in message or "no mesh" in message
+
+
+def test_links_that_leave_the_model_folders(tmp_path: Path) -> None:
+    write(tmp_path, {"secret/a.dae": gz.dae(), "secret/p.png": gz.png((1, 2, 3))})
+    shown = model(visual(mesh("a.dae")))
+    write(tmp_path, gz.folder_of("m", shown))
+    (tmp_path / "models" / "m" / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
+    message = refused(tmp_path, world(include("model://m")))
+    assert "'a.dae' leads out of the model folders" in message
+    (tmp_path / "models" / "m" / "a.dae").unlink()
+    (tmp_path / "models" / "m" / "p.png").symlink_to(tmp_path / "secret" / "p.png")
+    files: dict[str, str | bytes] = {"models/m/a.dae": gz.dae(picture="p.png")}
+    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+    files = {
+        "models/m/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
+        "models/m/a.mtl": "newmtl A\nmap_Kd ../../../secret/p.png\n",
+        **gz.folder_of("m", model(visual(mesh("a.obj")))),
+    }
+    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+
+
+def test_includes_that_include_themselves(tmp_path: Path) -> None:
+    files = {
+        **gz.folder_of("a", f'<model name="a">\n{include("model://b")}</model>'),
+        **gz.folder_of("b", f'<model name="b">\n{include("model://a")}</model>'),
+    }
+    message = refused(tmp_path, world(include("model://a")), files)
+    assert re.search(r"b/model\.sdf:2: <include>: model://a includes itself", message)
+
+
+def test_includes_that_multiply(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
+    for k in range(1, 12):
+        ten = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(10))
+        files |= gz.folder_of(f"m{k}", f'<model name="m{k}">{ten}</model>')
+    message = refused(tmp_path, world(include("model://m11")), files)
+    assert f"at most {limits.MOST_MODELS} models" in message
+
+
+def test_includes_that_go_deep(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
+    for k in range(1, 40):
+        files |= gz.folder_of(f"m{k}", f'<model name="m">{include(f"model://m{k - 1}")}</model>')
+    assert "deep in one another" in refused(tmp_path, world(include("model://m39")), files)
+
+
+def test_more_triangles_than_a_world_may_have(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[str] = []
+    build = primitives.build
+    monkeypatch.setattr(primitives, "build", lambda e: (drawn.append(e.tag), build(e))[1])
+    monkeypatch.setattr(designs, "MOST_TRIANGLES", 50_000)
+    ball = visual("<sphere><radius>1</radius></sphere>")
+    message = refused(tmp_path, world(model("\n" + ball * 20_000)))
+    assert "test.world:2: <visual>: expected at most 50000 triangles" in message
+    assert len(drawn) < 60  # it is refused as soon as it is too much
+
+
+def test_more_faces_on_the_map_than_light_falls_on_in_time(tmp_path: Path) -> None:
+    floors = "".join(model(visual(box(f"1900 1900 {k + 1}"))) for k in range(6))
+    assert "test.world: expected faces of at most 4e+06" in refused(tmp_path, world(floors))
+
+
+def many(name: str, below: str, n: int = 10) -> str:
+    """A node that uses another one many times."""
+    return f'<node id="{name}">' + f'<instance_node url="#{below}"/>' * n + "</node>"
+
+
+NODES = "<library_nodes>" + f'<node id="n0">{gz.INSTANCE}</node>'
+NODES += "".join(many(f"n{k}", f"n{k - 1}") for k in range(1, 12)) + "</library_nodes>"
+
+
+def polylist(vcount: str) -> str:
+    """A box whose faces are given by their numbers of corners."""
+    return gz.dae().replace("triangles", "polylist").replace("<p>", f"<vcount>{vcount}</vcount><p>")
+
+
+def stl(faces: int, *, broken: int) -> bytes:
+    """Faces as a binary STL, of which the last ones have no place."""
+    whole = struct.pack("<12fH", 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0)
+    places = [whole] * (faces - broken) + [struct.pack("<12fH", *[float("nan")] * 12, 0)] * broken
+    return bytes(80) + struct.pack("<I", faces) + b"".join(places)
+
+
+TEXT_STL = "solid a facet outer loop\nvertex 0 0 0\nvertex 1 nan 0\nvertex 0 1 0\n endsolid"
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "parts"),
+    [
+        ("a.dae", polylist("2000000000"), ["a.dae", "'g'", "<vcount>", "4000000000", "has 72"]),
+        ("a.dae", polylist("3 -3 40"), ["a.dae", "'g'", "<vcount>"]),
+        ("a.dae", polylist("3 three"), ["a.dae", "'g'", "expected whole numbers"]),
+        ("a.dae", gz.dae().replace('meter="1.0"', 'meter="abc"'), ['a.dae: <unit meter="abc">']),
+        ("a.dae", gz.dae(meter=-1), ['a.dae: <unit meter="-1">', "more than 0"]),
+        ("a.dae", gz.dae(meter=float("nan")), ['a.dae: <unit meter="nan">']),
+        ("a.dae", gz.dae().replace('POSITION" source="#p', 'POSITION" source="#x'),
+         ["a.dae", "'g'", "<vertices>", "'#x'"]),
+        ("a.dae", gz.dae().replace('VERTEX" source="#v', 'VERTEX" source="#x'),
+         ["a.dae", "expected a COLLADA mesh", "#x"]),
+        ("a.dae", gz.dae().replace("0 0 1 0 1 1<", "0 0 nan 0 1 1<"),
+         ["a.dae", "texture coordinate in 't'", "finite number"]),
+        ("a.dae", gz.dae().replace("<p>0 ", "<p>-1 "), ["a.dae", "'p'", "index of -1"]),
+        ("a.dae", gz.dae().replace("<p>0 0 ", "<p>0 -1 "), ["a.dae", "'p'", "index of -1"]),
+        ("a.dae", gz.dae().replace(">1 0 0 1<", ">nan 0 0 1<"), ["a.dae", "effect 'e'", "finite"]),
+        ("a.stl", stl(13, broken=1), ["a.stl", "face 13", "finite"]),
+        ("a.stl", stl(2, broken=2), ["a.stl", "face 1", "finite"]),
+        ("a.stl", stl(9, broken=0)[:-60], ["a.stl", "534 bytes", "got 474 bytes", "cut off"]),
+        ("a.stl", TEXT_STL, ["a.stl", "face 1", "finite"]),
+        ("a.glb", b"glTF", ["nothing in this world", "none of .dae, .obj, .stl", "a.glb"]),
+        ("a.dae", "not a mesh", ["a.dae:1", "expected XML"]),
+        ("a.dae", gz.dae(doctype=BOMB), ["a.dae:1", "DOCTYPE"]),
+        ("a.dae", gz.dae(nodes=""), ["a.dae", "faces, got none"]),
+        ("a.dae", gz.dae(positions="nan " * 24), ["a.dae", "not a finite number"]),
+        ("a.dae", gz.dae(positions="0 " * 24), ["a.dae", "faces, got none"]),
+        ("a.dae", gz.dae(positions="0 0 0"), ["a.dae"]),
+        ("a.dae", gz.dae(meter=1e12), ["'thing'", "m large"]),
+        ("a.dae", gz.dae(extra=NODES, nodes=many("top", "n11")), ["a.dae", "nodes in use"]),
+        ("a.dae", "<COLLADA>" + "<a>" * 9000, ["a.dae:1", "deep"]),
+        ("a.obj", "v 0 0 0\n", ["a.obj", "faces, got none"]),
+        ("a.obj", "v 0 0 0\nf 1 2 3\n", ["a.obj"]),
+        ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["a.obj", "finite"]),
+        ("a.obj", b"\xff\xfe\x00" * 99, ["a.obj"]),
+        ("a.stl", b"", ["a.stl"]),
+        ("a.stl", bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50), ["a.stl"]),
+        ("a.stl", bytes(80) + struct.pack("<I", 0), ["a.stl"]),
+        ("a.dae", b"PK\x03\x04" + bytes(100), ["a.dae", "expected XML"]),
+    ],
+)  # fmt: skip
+def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str]) -> None:
+    message = refused(tmp_path, world(model(visual(mesh(file)))), {f"worlds/{file}": content})
+    assert [p for p in parts if p not in message] == []
+
+
+def refused_material(tmp_path: Path, line: str) -> str:
+    """What is said of an OBJ whose material file holds such a line."""
+    files: dict[str, str | bytes] = {
+        "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
+        "worlds/a.mtl": f"newmtl A\n{line}\n",
+    }
+    return refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+
+
+@pytest.mark.parametrize("words", ["nan 0 0", "1 x 0", "1 0"])
+def test_colours_of_a_mesh(tmp_path: Path, words: str) -> None:
+    message = refused_material(tmp_path, f"Kd {words}")
+    assert "a.mtl:2: expected" in message and "numbers" in message
+
+
+@pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1e7 1e7 1e7", "1 1"])
+def test_scales(tmp_path: Path, scale: str) -> None:
+    shown = mesh("a.dae", f"<scale>{scale}</scale>")
+    message = refused(tmp_path, world(model(visual(shown))), {"worlds/a.dae": gz.dae()})
+    assert "test.world:1" in message and ("<scale>" in message)
+
+
+def wide_png(width_px: int, height_px: int) -> bytes:
+    """A picture of a few bytes that says it is very wide."""
+
+    def chunk(kind: bytes, data: bytes) -> bytes:
+        body = kind + data
+        return struct.pack(">I", len(data)) + body + struct.pack(">I", zlib.crc32(body))
+
+    head = struct.pack(">IIBBBBB", width_px, height_px, 8, 2, 0, 0, 0)
+    packed = zlib.compress(bytes(1000))
+    return (
+        b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", head) + chunk(b"IDAT", packed) + chunk(b"IEND", b"")
+    )
+
+
+@pytest.mark.parametrize(
+    ("content", "part"),
+    [
+        (b"no picture", "cannot read this"),
+        (b"", "cannot read this"),
+        (wide_png(9000, 10), "at most 8192 pixels a side, got 9000 x 10"),
+        (wide_png(60000, 60000), "p.png"),
+        (wide_png(50, 50), "cannot read this"),
+    ],
+)
+def test_pictures(tmp_path: Path, content: bytes, part: str) -> None:
+    files: dict[str, str | bytes] = {
+        "worlds/a.dae": gz.dae(picture="p.png"),
+        "worlds/p.png": content,
+    }
+    message = refused(tmp_path, world(model(visual(mesh("a.dae")))), files)
+    assert "p.png" in message and part in message
+
+
+def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from vrchain.world.gazebo import meshes, sdf
+
+    monkeypatch.setattr(meshes, "MOST_MESH_BYTES", 1 << 20)
+    big = gz.obj() + "# " + "x" * (1 << 20)
+    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), {"worlds/a.obj": big})
+    assert "a.obj: expected at most 1 MiB" in message
+    monkeypatch.setattr(sdf, "MOST_XML_BYTES", 1 << 20)
+    assert "test.world: expected at most 1 MiB" in refused(tmp_path, " " * ((1 << 20) + 1))
+
+
+@pytest.mark.parametrize("name", ["/a\0b.png", "a%00b.png", "%2e%2e/%2e%2e/p.png"])
+def test_pictures_by_odd_names(tmp_path: Path, name: str) -> None:
+    message = refused_material(tmp_path, f"map_Kd {name}")
+    assert "test.world:1: <mesh>" in message
+    assert "zero byte" in message or "leads out of the model folders" in message
+
+
+def test_a_broken_script(tmp_path: Path) -> None:
+    files: dict[str, str | bytes] = {
+        "models/m/materials/scripts/a.material": "material A\n{\n" + "{\n" * 99,
+        **gz.folder_of(
+            "m",
+            model(
+                visual(
+                    box("1 1 1"), material="<material><script><name>A</name></script></material>"
+                )
+            ),
+        ),
+    }
+    message = refused(tmp_path, world(include("model://m")), files)
+    assert "a.material: braces" in message
+
+
+def test_a_pipe_is_no_file(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "a.dae")
+    write(tmp_path, {"t.world": world(model(visual(mesh("a.dae"))))})
+    with pytest.raises(SpecError, match=r"no mesh 'a\.dae'"):
+        load_scene(tmp_path / "t.world")

@@ -1,0 +1,151 @@
+"""No two houses look alike: what a recogniser of landmarks learns, it learns from these."""
+
+from collections import Counter
+
+import cv2
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from vrchain.seeding import generator
+from vrchain.world.buildings import barn, facade_style, house_plans, houses, shop_plans, shops
+from vrchain.world.model import Surface
+
+SEEDS = (2000, 3000)
+N = 32  # houses of a suburb
+_PX_PER_M, _WIDTH_M, _HEIGHT_M = 8, 16.0, 10.0
+
+
+def house(seed: int, index: int, again: str = "") -> Surface:
+    """House ``index`` of a suburb as it is built there; ``again``: of the same plan, repainted."""
+    plan = house_plans.draw_plan(generator(seed, "house", index, "plan"), 0.35)
+    (surface,) = houses.build(plan, generator(seed, "house" + again, index), index)
+    return surface
+
+
+def front(surface: Surface) -> NDArray[np.float32]:
+    """A small picture of a model from -y, straight on, (20, 32, 3) in Lab."""
+    w, h = int(_WIDTH_M * _PX_PER_M), int(_HEIGHT_M * _PX_PER_M)
+    picture = np.full((h, w, 3), 200, dtype=np.uint8)
+    points = surface.vertices_m[surface.faces].astype(float)
+    uv = surface.uv[surface.faces].astype(float)
+    rows, columns = surface.texture.shape[:2]
+    for corners, at in sorted(zip(points, uv, strict=True), key=lambda t: -t[0][:, 1].mean()):
+        a, b, c = np.column_stack(
+            [(corners[:, 0] + _WIDTH_M / 2) * _PX_PER_M, h - corners[:, 2] * _PX_PER_M]
+        )
+        across = np.array([b - a, c - a]).T
+        if np.linalg.det(across) > -1e-6:  # turned away, as rows count downwards
+            continue
+        low, high = np.min([a, b, c], axis=0).astype(int), np.max([a, b, c], axis=0).astype(int) + 1
+        x, y = np.meshgrid(
+            np.arange(max(0, low[0]), min(w, high[0])), np.arange(max(0, low[1]), min(h, high[1]))
+        )
+        x, y = x.ravel(), y.ravel()
+        share = np.linalg.solve(across, np.stack([x + 0.5 - a[0], y + 0.5 - a[1]]))
+        inside = (share >= 0).all(axis=0) & (share.sum(axis=0) <= 1)
+        u, v = (at[:1] + share.T @ (at[1:] - at[0])).T
+        texel = surface.texture[
+            np.clip((1 - v) * rows, 0, rows - 1).astype(int),
+            np.clip(u * columns, 0, columns - 1).astype(int),
+        ]
+        picture[y[inside], x[inside]] = texel[inside]
+    small = cv2.resize(picture, (32, 20), interpolation=cv2.INTER_AREA)
+    return cv2.cvtColor(small, cv2.COLOR_RGB2LAB).astype(np.float32)
+
+
+@pytest.fixture(scope="module")
+def built() -> list[Surface]:
+    return [house(seed, index) for seed in SEEDS for index in range(1, N + 1)]
+
+
+def nearest(pictures: list[NDArray[np.float32]]) -> NDArray[np.float64]:
+    """Mean difference of each picture's cells from the picture most like it, in Lab's units."""
+    stack = np.array(pictures)
+    apart = np.abs(stack[:, None] - stack[None]).mean(axis=(2, 3, 4))
+    np.fill_diagonal(apart, np.inf)
+    return apart.min(axis=1)
+
+
+def test_no_two_houses_share_a_picture_or_a_plan(built: list[Surface]) -> None:
+    assert len({s.texture.tobytes() for s in built}) == len(built)
+    plans = {
+        house_plans.draw_plan(generator(seed, "house", k, "plan"), 0.35)
+        for seed in SEEDS
+        for k in range(1, N + 1)
+    }
+    assert len(plans) == len(built)
+
+
+def test_no_two_fronts_look_alike(built: list[Surface]) -> None:
+    apart = nearest([front(s) for s in built])
+    assert apart.min() > 2.0
+    assert np.median(apart) > 5.0  # as much as one plan in two styles
+
+
+def test_the_measure_knows_a_twin_and_a_stranger() -> None:
+    one, other = front(house(2000, 2)), front(house(2000, 4))
+    assert np.abs(one - front(house(2000, 2))).mean() == 0
+    assert np.abs(one - other).mean() > 5
+    assert np.abs(one - 200).mean() > 5  # something is drawn
+
+
+def test_there_are_tens_of_combinations() -> None:
+    """Of walls, colours, windows and doors with roofs and plans, over five suburbs."""
+    walls, kinds = Counter(), Counter()
+    for seed in range(5):
+        for k in range(1, N + 1):
+            plan = house_plans.draw_plan(generator(seed, "house", k, "plan"), 0.35)
+            style = facade_style.random_style(generator(seed, "house", k), k)
+            hue = int(np.argmax(style.wall_rgb)), round(sum(style.wall_rgb) / 128)
+            door = int(np.argmax(style.door_rgb))
+            walls[style.material, style.upper, hue, style.panes, style.shutters, door] += 1
+            parts = (plan.garage, plan.wing, plan.chimney, plan.bay, plan.stack_xy_m, plan.dormers)
+            kinds[plan.roof, plan.storeys, plan.on_roof, *(bool(part) for part in parts)] += 1
+    assert len(walls) > 150  # of 160
+    assert len(kinds) > 75
+    assert max(kinds.values()) <= 8
+
+
+def test_shops_have_names_and_fronts_of_their_own() -> None:
+    plans = [shop_plans.draw_plan(generator(seed, "shop", k)) for seed in range(10) for k in (1, 2)]
+    assert len({(p.name, p.trade) for p in plans}) == len(plans)
+    built = [shops.build(p, generator(k, "build"))[0] for k, p in enumerate(plans)]
+    assert len({s.texture.tobytes() for s in built}) == len(built)
+    assert nearest([front(s) for s in built]).min() > 4.0
+
+
+def test_a_sign_is_as_large_as_its_letters_and_reads() -> None:
+    """Lettering covers a good part of its board and stands off it."""
+    board = np.full((39, 480, 3), 30, dtype=np.uint8)
+    shops.write(board, "Quilford BAKERY", cv2.FONT_HERSHEY_DUPLEX, (250.0, 250.0, 250.0), 0.7)
+    ink = (board > 140).all(axis=2)
+    rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
+    assert np.ptp(rows) > 0.4 * 39
+    assert rows.min() >= 1
+    assert rows.max() <= 37
+    assert columns.min() > 5
+    assert columns.max() < 475
+    assert abs(columns.min() + columns.max() - 480) < 30  # in the middle
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_a_barn_stands_within_its_outline(seed: int) -> None:
+    plan = barn.draw_plan(np.random.default_rng(seed))
+    (surface,) = barn.build(plan, np.random.default_rng(seed))
+    points = surface.vertices_m
+    assert abs(points[:, 2].min()) < 1e-6
+    low = points[points[:, 2] < 1.6]
+    x0, y0, x1, y1 = plan.outline.bounds
+    assert low[:, 0].min() >= x0 - 0.01
+    assert low[:, 0].max() <= x1 + 0.01
+    assert low[:, 1].min() >= y0 - 0.01
+    assert low[:, 1].max() <= y1 + 0.01
+    assert (x0 + x1, y0 + y1) == pytest.approx((0, 0), abs=1e-9)
+    assert points[:, 2].max() > plan.wall_m + 2.0
+
+
+def test_no_two_barns_look_alike() -> None:
+    rngs = [generator(seed, "barn") for seed in range(12)]
+    built = [barn.build(barn.draw_plan(rng), rng)[0] for rng in rngs]
+    assert nearest([front(s) for s in built]).min() > 4.0

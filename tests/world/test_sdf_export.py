@@ -1,0 +1,147 @@
+"""A suburb written as a Gazebo world and read again is the same suburb."""
+
+import warnings
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree
+
+import gazebo_files as gz
+import pandas as pd
+import pytest
+from gazebo_files import write
+
+from vrchain.errors import OutputError, SpecError, UnsupportedWarning
+from vrchain.experiments.landmarks.pairs import draw_poses
+from vrchain.panorama import CameraRig
+from vrchain.paths import SCENES
+from vrchain.seeding import generator
+from vrchain.world import SceneSpec, build_scene, load_scene, load_spec
+from vrchain.world.render import Renderer
+from vrchain.world.sdf_export import export_world, world_files
+from vrchain.world.spec import parse_spec
+
+SMALL = {
+    "name": "hamlet & co", "seed": 7, "extent_m": [80.0, 80.0], "season": "autumn", "twins": 0.5,
+    "light": {"time": "evening"}, "houses": {"count": 3}, "shops": {"count": 0},
+    "barns": {"count": 0}, "trees": {"count": 4}, "vehicles": {"count": 2},
+    "boundaries": {"fences": 2, "walls": 2, "hedges": 2},
+    "furniture": {"mailboxes": 2, "lamps": 2, "poles": 1, "signs": 2, "bins": 2, "hydrants": 1,
+                  "bushes": 2},
+}  # fmt: skip
+
+
+def same_again(spec: SceneSpec, folder: Path, n_poses: int, rig: CameraRig) -> None:
+    """The same table and, from some places, pictures of which 0.5 % of pixels may differ."""
+    export_world(spec, folder / "a.world")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        read = load_scene(folder / "a.world")
+    built = build_scene(spec)
+    pd.testing.assert_frame_equal(read.table, built.table, atol=1e-4)
+    assert [o.solid for o in read.objects] == [o.solid for o in built.objects]
+    assert (read.name, read.extent_m, read.light) == (built.name, built.extent_m, built.light)
+    poses = draw_poses(built, n_poses, generator(5))
+    first = Renderer(built)
+    drawn = [first.render(pose, rig).views for pose in poses]
+    second = Renderer(read)
+    for pose, views in zip(poses, drawn, strict=True):
+        differ = (second.render(pose, rig).views != views).any(axis=-1).mean()
+        print(f"at {pose}: {differ:.5f} of the pixels differ")
+        assert differ <= 0.005
+
+
+def test_a_hamlet_there_and_back(tmp_path: Path) -> None:
+    same_again(parse_spec(SMALL), tmp_path, 2, CameraRig(8, 320, 240))
+
+
+@pytest.mark.slow
+def test_the_suburb_there_and_back(tmp_path: Path) -> None:
+    same_again(load_spec(SCENES / "suburb.yaml"), tmp_path, 4, CameraRig())
+
+
+def test_it_is_plain_sdf_to_others() -> None:
+    files = dict(world_files(parse_spec(SMALL), "a.world"))
+    root = ElementTree.fromstring(files["a.world"])
+    included = [uri.text or "" for uri in root.findall("world/include/uri")]
+    for uri in included:
+        folder = f"models/{uri.removeprefix('model://')}"
+        model = ElementTree.fromstring(files[f"{folder}/model.sdf"])
+        assert model.find("model/link/collision/geometry/mesh/uri") is not None
+        assert f"{folder}/model.config" in files
+    assert len(set(included)) < len(included)  # twins share a model's files
+    others = {e.tag for e in root.iter() if e.tag.startswith("{")}
+    assert others == {"{urn:vrchain:sdf}scene"}
+
+
+def test_the_same_bytes_each_time() -> None:
+    spec = parse_spec(SMALL)
+    assert dict(world_files(spec, "a.world")) == dict(world_files(spec, "a.world"))
+
+
+def test_a_barn_or_another_name_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="expected the layout 'suburb'"):
+        export_world(load_spec(SCENES / "barn.yaml"), tmp_path / "a.world")
+    with pytest.raises(OutputError, match=r"ends in \.world"):
+        export_world(parse_spec(SMALL), tmp_path / "a.dae")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_scene_element_that_is_amiss_is_named(tmp_path: Path) -> None:
+    spec = replace(parse_spec(SMALL), name="hamlet")
+    export_world(spec, tmp_path / "a.world")
+    text = (tmp_path / "a.world").read_text()
+    for wrong, part in (('season="winter?"', "season"), ('season="summer" seed=""', "seed")):
+        (tmp_path / "b.world").write_text(
+            text.replace('season="autumn"', wrong).replace(
+                'seed="7"', "" if "seed" in wrong else 'seed="7"'
+            )
+        )
+        with pytest.raises(SpecError, match=rf"b\.world:5: <vrchain:scene>.*{part}"):
+            load_scene(tmp_path / "b.world")
+
+
+def test_worlds_in_one_folder_keep_their_models_apart(tmp_path: Path) -> None:
+    spec = parse_spec(SMALL)
+    export_world(spec, tmp_path / "a.world")
+    first = {f: f.read_bytes() for f in (tmp_path / "models").rglob("*") if f.is_file()}
+    export_world(replace(spec, seed=8), tmp_path / "b.world")
+    export_world(replace(spec, name="hamlet _ co", seed=9), tmp_path / "c.world")
+    assert {f: f.read_bytes() for f in first} == first
+
+
+def test_a_name_that_xml_cannot_hold_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match=r"control characters, got 'a\\x01b'"):
+        export_world(replace(parse_spec(SMALL), name="a\x01b"), tmp_path / "a.world")
+    assert list(tmp_path.iterdir()) == []
+
+
+def edited(folder: Path, more: str) -> Path:
+    """A suburb that was written, with more in it by hand."""
+    export_world(parse_spec(SMALL), folder / "a.world")
+    text = (folder / "a.world").read_text()
+    (folder / "b.world").write_text(text.replace("</world>", f"{more}</world>"))
+    return folder / "b.world"
+
+
+def test_a_suburb_that_was_edited_is_read_as_other_worlds_are(tmp_path: Path) -> None:
+    write(tmp_path, gz.folder_of("ground_plane", gz.GROUND_MODEL))
+    crate = gz.model(gz.visual(gz.box("1 1 1")), name="k")
+    more = (
+        gz.include("model://ground_plane")
+        + '<plugin name="p" filename="libwind.so"/><light name="lamp" type="point"/>'
+        + crate * 2
+    )
+    with pytest.warns(UnsupportedWarning) as told:
+        scene = load_scene(edited(tmp_path, more))
+    (line,) = [str(w.message) for w in told]
+    for part in ("planes of ground", "ground_plane", "libwind.so", "(lamp)"):
+        assert part in line
+    assert {"k", "k_2"} <= {o.name for o in scene.objects}
+    assert "ground_plane" not in {o.name for o in scene.objects}
+
+
+@pytest.mark.parametrize("place", ["1e30 0 0", "1e7 0 0", "0 0 1e5"])
+def test_a_place_far_away_is_refused_in_a_suburb_too(tmp_path: Path, place: str) -> None:
+    crate = gz.model(gz.visual(gz.box("1 1 1")), pose=f"{place} 0 0 0")
+    with pytest.raises(SpecError, match=r"b\.world:\d+: <pose>: expected a place within 100 km"):
+        load_scene(edited(tmp_path, crate))

@@ -1,0 +1,192 @@
+"""Eyes that cannot err: landmarks as truth has them, for the arm that missions are measured by."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.homing import HomeVector
+from vrchain.landmarks.extraction.proposer import Proposals, nothing
+from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
+from vrchain.landmarks.extraction.sift import NO_FEATURES
+from vrchain.landmarks.matching.calibration import Calibration
+from vrchain.landmarks.matching.common import CommonLandmark, Comparison
+from vrchain.landmarks.matching.epipolar import PlanarGeometry
+from vrchain.landmarks.matching.joint import regions_of
+from vrchain.landmarks.quality import Sights, shared
+from vrchain.navigation.goal.place import ARRIVED_M, GoalPlace
+from vrchain.navigation.goal.recognition import GoalSight, any_sight
+from vrchain.navigation.perception import Eyes, Look, surface_m
+from vrchain.panorama import CameraRig
+from vrchain.robot import Observation
+from vrchain.seeding import generator
+from vrchain.world.truth import GroundTruth
+
+_DIMENSIONS = 64
+_SAME, _ENOUGH = 0.99, 1000  # cosine of one thing with itself, and keypoints that prove it
+_ALIKE = 10.0  # log-likelihood ratio of looks that prove it
+_CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
+_NONE = np.empty(0, dtype=np.int64)
+_NOBODY = "0" * 64  # no weights made its records
+
+
+class Oracle:
+    """What is truly visible from where pictures were taken."""
+
+    def __init__(self, truth: GroundTruth, rig: CameraRig) -> None:
+        self.truth, self.rig = truth, rig
+        self._taken: dict[int, tuple[Look, Pose]] = {}
+        self._sights: dict[Pose, Sights] = {}
+
+    def eyes(self, here: Callable[[], Pose], stored: Callable[[bytes], Pose]) -> Eyes:
+        """The eyes of a robot. here: its true pose; stored: that of a panorama, by its bytes."""
+
+        def examine(seen: Observation) -> Look:
+            return self._look(here())
+
+        def published(panorama: bytes, landmarks: bytes | None) -> Look:
+            record = None if landmarks is None else decode_record(landmarks)
+            return self._look(stored(panorama), record)
+
+        return Eyes(examine, published, self.compare, _CALIBRATION)
+
+    def record(self, seen: Observation) -> LandmarkRecord:
+        """An empty one, to publish how the robot moved by."""
+        return LandmarkRecord(self.rig, _NOBODY, nothing(), NO_FEATURES)
+
+    def goal(self, name: str) -> "TrueGoal":
+        """The goal, known by what it is."""
+        return TrueGoal(_embedding(name))
+
+    def place(self, look: Look, eyes: Eyes) -> "TruePlace":
+        """The place that a look was taken from, as a goal."""
+        return TruePlace(look, eyes, self)
+
+    def bearing_and_range_m(self, a: Look, b: Look) -> tuple[float, float]:
+        """Where one look was taken, seen from the other."""
+        here, there = self._taken[id(a)][1], self._taken[id(b)][1]
+        return here.bearing_to_rad(there.xy_m), here.distance_to_m(there.xy_m)
+
+    def compare(self, a: Look, b: Look) -> Comparison:
+        """The landmarks that are truly co-visible, and the true relative pose."""
+        pose_a, pose_b = self._taken[id(a)][1], self._taken[id(b)][1]
+        both = shared(self.truth, self._sights_from(pose_a), self._sights_from(pose_b))
+        names = [self.truth.scene.objects[i].name for i in both]
+        claims = []
+        for name in names:
+            regions = []
+            for look in (a, b):
+                p = look.proposals
+                alike = p.embedding @ _embedding(name)
+                if len(alike) and alike.max() > _SAME:
+                    regions += regions_of(p, np.array([alike.argmax()]), self.rig)
+            if len(regions) == 2:
+                claims.append(CommonLandmark(1.0, regions[0], regions[1], _NONE, _NONE))
+        geometry = PlanarGeometry(
+            pose_a.bearing_to_rad(pose_b.xy_m),
+            float(wrap_angle_rad(pose_b.yaw_rad - pose_a.yaw_rad)),
+            np.ones(len(claims), dtype=bool),
+            0.0,
+            pose_a.distance_to_m(pose_b.xy_m) / self.rig.camera_height_m,
+        )
+        return Comparison(tuple(claims), geometry)
+
+    def _sights_from(self, pose: Pose) -> Sights:
+        if pose not in self._sights:
+            self._sights[pose] = Sights(self.truth, pose, self.rig)
+        return self._sights[pose]
+
+    def _look(self, pose: Pose, record: LandmarkRecord | None = None) -> Look:
+        sights = self._sights_from(pose)
+        ids, points = sights.surface
+        objects = self.truth.scene.objects
+        chosen = sorted(i for i in sights.visible if objects[i].landmark)
+        bearing, range_m, box = [], [], []
+        for i in chosen:
+            own = points[ids == i]
+            if len(own) == 0:
+                own = np.append(objects[i].bounds_m.mean(axis=0)[:2], 1.0)[None]
+            offset = own[:, :2] - pose.xy_m
+            away_m = np.hypot(*offset.T)
+            middle = objects[i].bounds_m[:, :2].mean(axis=0)
+            bearing.append(pose.bearing_to_rad(middle))
+            range_m.append(pose.distance_to_m(middle))
+            box.append(self._box(pose, offset, away_m, own[:, 2]))
+        n = len(chosen)
+        proposals = Proposals(
+            np.ones(n), np.array(box).reshape(n, 4), np.array(bearing), np.array(range_m),
+            np.full(n, 0.01), np.full(n, 0.02), np.zeros(n, dtype=np.int64),
+            np.array([_embedding(objects[i].name) for i in chosen], dtype=np.float32)
+            .reshape(n, _DIMENSIONS), _NONE, _NONE,
+        )  # fmt: skip
+        look = Look(self.rig, proposals, lambda: NO_FEATURES, record=record)
+        self._taken[id(look)] = look, pose
+        return look
+
+    def _box(
+        self,
+        pose: Pose,
+        offset_m: NDArray[np.float64],
+        away_m: NDArray[np.float64],
+        z_m: NDArray[np.float64],
+    ) -> tuple[float, float, float, float]:
+        """The box of what is seen; its lower edge is where the nearest point stands."""
+        angle = np.arctan2(offset_m[:, 1], offset_m[:, 0]) - pose.yaw_rad
+        middle = float(np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()))
+        off = wrap_angle_rad(angle - middle)
+        height_m = self.rig.camera_height_m
+        low = -height_m / float(away_m.min())
+        return (
+            middle + float(off.min()), middle + float(off.max()), low,
+            float(((z_m - height_m) / away_m).max()),
+        )  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class TrueGoal:
+    """A goal that is never taken for anything else."""
+
+    embedding: NDArray[np.float32]
+
+    def find(
+        self,
+        look: Look,
+        near_rad: float | None = None,
+        window_rad: float = 0.4,
+        fair: Callable[[GoalSight], bool] = any_sight,
+    ) -> GoalSight | None:
+        """The goal, if it is in view."""
+        p = look.proposals
+        alike = p.embedding @ self.embedding
+        if len(alike) == 0 or alike.max() <= _SAME:
+            return None
+        k = int(alike.argmax())
+        bearing, half_rad = float(p.box[k, :2].mean()), float(np.ptp(p.box[k, :2])) / 2
+        if near_rad is not None:
+            off_rad = abs(float(wrap_angle_rad(bearing - near_rad)))
+            if off_rad > half_rad + window_rad:
+                return None
+        sight = GoalSight(
+            float(wrap_angle_rad(bearing)), float(p.range_m[k]), surface_m(look, k), half_rad,
+            _ENOUGH, _ALIKE, 1.0,
+        )  # fmt: skip
+        return sight if fair(sight) else None
+
+
+def _embedding(name: str) -> NDArray[np.float32]:
+    drawn = generator(0, "oracle", name).normal(size=_DIMENSIONS)
+    return np.asarray(drawn / np.linalg.norm(drawn), dtype=np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class TruePlace(GoalPlace):
+    """A place to which homing never errs."""
+
+    oracle: Oracle
+
+    def homing(self, look: Look) -> HomeVector | None:
+        """The true way there."""
+        bearing_rad, range_m = self.oracle.bearing_and_range_m(look, self.look)
+        return HomeVector(bearing_rad, 0.0, _ENOUGH, range_m <= ARRIVED_M, range_m)

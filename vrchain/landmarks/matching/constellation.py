@@ -1,0 +1,310 @@
+"""Two robots' proposals joined: which are the same landmarks, and where the robots stand.
+
+Each panorama alone places its proposals on a map of its own, bearings well and ranges roughly.
+Two such maps of one place differ by a turn and a shift. Pairs of proposals that look alike
+suggest one; what all proposals say of it, by their looks and by their places, decides. Twins look
+the same and are told apart by what stands around them.
+"""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import Proposals
+from vrchain.seeding import generator
+
+Array = NDArray[np.float64]
+
+_NEAREST_M, _DISTANCES = 0.3, 48  # the least distance between two robots, and how many are tried
+
+
+@dataclass(frozen=True)
+class ConstellationConfig:
+    """How proposals are joined."""
+
+    candidates: int = 4  # most alike ones of each proposal from which a relative pose is guessed
+    heard: int = 200  # of the candidates, the most alike, say which guesses are worth settling
+    guesses: int = 2000  # relative poses tried
+    kept: int = 10  # of them settled by least squares
+    area_m2: float = 2000.0  # where a landmark might as well stand: rivals of the right place
+    reach_m: float = 70.0  # robots farther apart than this are not looked for
+    loosen: float = 1.0  # how many times less sure places are than the network says
+
+
+@dataclass(frozen=True, eq=False)
+class Constellation:
+    """B's pose in A's frame, and for every pair of proposals how well it agrees.
+
+    xy_m: (2,) where B stands; heading_rad: B's heading against A's; covariance: (3, 3) of x, y and
+    heading. evidence: log-likelihood of all proposals against that of two unrelated places.
+    looks, place: (n_a, n_b) log-likelihood ratios of being the same, by looks and by place.
+    pairs: (m, 2) the one-to-one joining that both together favour.
+    """
+
+    xy_m: Array
+    heading_rad: float
+    covariance: Array
+    evidence: float
+    looks: Array
+    place: Array
+    pairs: NDArray[np.int64]
+
+
+def join(
+    a: Proposals, b: Proposals, looks: Array, config: ConstellationConfig | None = None
+) -> Constellation | None:
+    """The relative pose that most speaks for, and the pairs under it; None: nothing to go by.
+
+    looks: (n_a, n_b) log-likelihood ratio of being the same landmark, by looks alone.
+    """
+    config = config or ConstellationConfig()
+    if min(len(a), len(b)) < 2:
+        return None
+    i, j = _candidates(looks, config.candidates)
+    poses = _guesses(a, b, i, j, looks[i, j], config)
+    if len(poses) == 0:
+        return None
+    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
+    own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
+    heard = np.sort(np.argsort(-looks[i, j], kind="stable")[: config.heard])
+    at_a, at_b, unsure_a, unsure_b, alike = (_narrow(x[heard]) for x in own)
+    support = _support(_narrow(poses), at_a, at_b, unsure_a, unsure_b, alike, i[heard], config)
+    kept = _distinct(poses, support, config.kept)
+    settled = [_settle(poses[k], *own, config) for k in kept]
+    support = _support(np.stack([pose for pose, _ in settled]), *own, i, config)
+    pose, covariance = settled[int(support.argmax())]
+    joined = _join_at(pose, a, b, looks, (i, j), (shape_a, shape_b), config)
+    return replace(joined, covariance=covariance)
+
+
+def join_along(
+    direction_rad: float,
+    heading_rad: float,
+    a: Proposals,
+    b: Proposals,
+    looks: Array,
+    config: ConstellationConfig | None = None,
+) -> Constellation:
+    """The same where B's direction and heading are known from elsewhere: how far is it to B?"""
+    config = config or ConstellationConfig()
+    i, j = _candidates(looks, config.candidates)
+    apart_m = np.geomspace(_NEAREST_M, config.reach_m, _DISTANCES)
+    along = np.array([np.cos(direction_rad), np.sin(direction_rad), 0.0])
+    poses = apart_m[:, None] * along + np.array([0.0, 0.0, heading_rad])
+    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
+    best = _DISTANCES // 2
+    if len(i):
+        own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
+        best = int(_support(poses, *own, i, config).argmax())
+    return _join_at(poses[best], a, b, looks, (i, j), (shape_a, shape_b), config)
+
+
+def _join_at(
+    pose: Array,
+    a: Proposals,
+    b: Proposals,
+    looks: Array,
+    candidates: tuple[NDArray[np.int64], NDArray[np.int64]],
+    shapes: tuple[Array, Array],
+    config: ConstellationConfig,
+) -> Constellation:
+    """The pairs under a relative pose (3,): x, y, heading. shapes: covariances of A's and B's."""
+    (i, j), (shape_a, shape_b) = candidates, shapes
+    own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
+    evidence = float(_support(pose[None], *own, i, config)[0]) if len(i) else 0.0
+    place = _place(
+        pose[None], a.xy_m[:, None], b.xy_m[None], shape_a[:, None], shape_b[None], config
+    )[0]
+    return Constellation(
+        pose[:2], float(wrap_angle_rad(pose[2])), np.zeros((3, 3)), evidence, looks, place,
+        one_to_one(looks + place),
+    )  # fmt: skip
+
+
+def by_looks(looks: Array) -> Constellation:
+    """Proposals joined without regard to where they stand; the pose is unknown (NaN)."""
+    nowhere, unsure = np.full(2, np.nan), np.full((3, 3), np.nan)
+    return Constellation(
+        nowhere, np.nan, unsure, 0.0, looks, np.zeros_like(looks), one_to_one(looks)
+    )
+
+
+def one_to_one(gain: Array) -> NDArray[np.int64]:
+    """The pairs (m, 2), each proposal in one at most, that together gain most; all of them gain."""
+    gain = np.maximum(gain, -1.0)
+    rows, columns = linear_sum_assignment(-gain)
+    return np.stack([rows, columns], axis=1)[gain[rows, columns] > 0]
+
+
+def _candidates(looks: Array, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of proposals of which one is among the n that look most like the other."""
+    of_a, of_b = _most(looks, n), _most(looks.T, n).T
+    i, j = np.nonzero((of_a & of_b) | (looks > 0) & (of_a | of_b))
+    return i, j
+
+
+def _most(values: Array, n: int) -> NDArray[np.bool_]:
+    """Which are the n largest of their row."""
+    found = np.zeros(values.shape, dtype=bool)
+    n = min(n, values.shape[1])
+    largest = np.argpartition(-values, n - 1, axis=1)[:, :n] if n else np.empty((len(values), 0))
+    np.put_along_axis(found, largest.astype(int), True, axis=1)
+    return found
+
+
+def _guesses(
+    a: Proposals,
+    b: Proposals,
+    i: NDArray[np.int64],
+    j: NDArray[np.int64],
+    looks: Array,
+    config: ConstellationConfig,
+) -> Array:
+    """Relative poses (k, 3) x, y, heading from two candidates each, the more alike more often."""
+    if len(i) < 2:
+        return np.empty((0, 3))
+    draws = generator(0, "constellation", len(i))
+    share = 1 / (1 + np.exp(-looks))
+    share /= share.sum()
+    first, second = draws.choice(len(i), size=(2, config.guesses), p=share)
+    fair = (i[first] != i[second]) & (j[first] != j[second])
+    first, second = first[fair], second[fair]
+    from_a = a.xy_m[i[second]] - a.xy_m[i[first]]
+    from_b = b.xy_m[j[second]] - b.xy_m[j[first]]
+    long_a, long_b = np.hypot(*from_a.T), np.hypot(*from_b.T)
+    rough = 0.3 * (
+        a.range_m[i[first]] + a.range_m[i[second]] + b.range_m[j[first]] + b.range_m[j[second]]
+    ) / 2  # fmt: skip
+    fair = (np.abs(long_a - long_b) < rough + 2.0) & (np.minimum(long_a, long_b) > 1.0)
+    first, second, from_a, from_b = first[fair], second[fair], from_a[fair], from_b[fair]
+    heading = np.arctan2(from_a[:, 1], from_a[:, 0]) - np.arctan2(from_b[:, 1], from_b[:, 0])
+    middle_a = (a.xy_m[i[first]] + a.xy_m[i[second]]) / 2
+    middle_b = (b.xy_m[j[first]] + b.xy_m[j[second]]) / 2
+    shift = middle_a - _turned(middle_b, heading)
+    near = np.hypot(*shift.T) < config.reach_m
+    return np.column_stack([shift, heading])[near]
+
+
+def _support(
+    poses: Array,
+    places_a: Array,
+    places_b: Array,
+    shape_a: Array,
+    shape_b: Array,
+    looks: Array,
+    owner: NDArray[np.int64],
+    config: ConstellationConfig,
+) -> Array:
+    """Log-likelihood ratio of each pose (k,): what A's proposals say of it, each heard once."""
+    place = _place(poses, places_a, places_b, shape_a, shape_b, config)
+    gain = np.logaddexp(0.0, np.minimum(looks, 4.0) + place)
+    order = np.argsort(owner, kind="stable")
+    starts = np.flatnonzero(np.r_[True, np.diff(owner[order]) > 0])
+    found: Array = np.maximum.reduceat(gain[:, order], starts, axis=1).sum(axis=1)
+    return found
+
+
+def _place(
+    poses: Array,
+    places_a: Array,
+    places_b: Array,
+    shape_a: Array,
+    shape_b: Array,
+    config: ConstellationConfig,
+) -> Array:
+    """Log of how much more likely two places are, under each pose (k,), for one thing than for two.
+
+    Places (..., 2) in their robots' frames with covariances (..., 2, 2): (k, ...).
+    """
+    dims = max(places_a.ndim, places_b.ndim) - 1
+    x, y, heading = poses.T.reshape(3, len(poses), *(1,) * dims)
+    c, s = np.cos(heading), np.sin(heading)
+    x = places_a[..., 0] - (c * places_b[..., 0] - s * places_b[..., 1]) - x
+    y = places_a[..., 1] - (s * places_b[..., 0] + c * places_b[..., 1]) - y
+    # the sum of A's covariance and B's turned one, written out: p q / q r
+    mean = (shape_b[..., 0, 0] + shape_b[..., 1, 1]) / 2
+    half, mixed = (shape_b[..., 0, 0] - shape_b[..., 1, 1]) / 2, shape_b[..., 0, 1]
+    turned = (c * c - s * s) * half - 2 * c * s * mixed
+    p = shape_a[..., 0, 0] + mean + turned
+    r = shape_a[..., 1, 1] + mean - turned
+    q = shape_a[..., 0, 1] + 2 * c * s * half + (c * c - s * s) * mixed
+    determinant = p * r - q * q
+    square = (r * x * x - 2 * q * x * y + p * y * y) / determinant
+    found: Array = np.log(config.area_m2 / (2 * np.pi)) - 0.5 * (np.log(determinant) + square)
+    return found.clip(-30.0, None)
+
+
+def _settle(
+    pose: Array,
+    places_a: Array,
+    places_b: Array,
+    shape_a: Array,
+    shape_b: Array,
+    looks: Array,
+    config: ConstellationConfig,
+) -> tuple[Array, Array]:
+    """The pose by least squares over the candidates that it makes likely, and its covariance."""
+    pose, normal = pose.copy(), np.eye(3)
+    for _ in range(6):
+        place = _place(pose[None], places_a, places_b, shape_a, shape_b, config)[0]
+        weight = 1 / (1 + np.exp(-(np.minimum(looks, 4.0) + place)))
+        turn = _rotations(pose[2:])[0]
+        x, y = (places_b @ turn.T).T
+        off_x, off_y = (places_a - pose[:2]).T - (x, y)
+        # weight times the inverse of the sum of covariances, written out: p q / q r
+        unsure = shape_a + turn @ shape_b @ turn.T
+        r, q, p = unsure[:, 0, 0], -unsure[:, 0, 1], unsure[:, 1, 1]
+        p, q, r = np.array([p, q, r]) * (weight / (p * r - q * q))
+        # by how much x, y and heading pull, and (the mixed terms once) how strongly they are held
+        pull_x, pull_y = p * off_x + q * off_y, q * off_x + r * off_y
+        turn_x, turn_y = q * x - p * y, r * x - q * y
+        (xx, xy, yy, xt, yt, tt, pull, pull_across, pull_round) = np.sum(
+            [p, q, r, turn_x, turn_y, turn_y * x - turn_x * y, pull_x, pull_y,
+             pull_y * x - pull_x * y], axis=1,
+        )  # fmt: skip
+        normal = np.array([[xx, xy, xt], [xy, yy, yt], [xt, yt, tt]]) + np.diag([1e-4, 1e-4, 1e-3])
+        pose += np.linalg.solve(normal, [pull, pull_across, pull_round])
+    return pose, np.asarray(np.linalg.inv(normal), dtype=float)
+
+
+def _distinct(poses: Array, support: Array, n: int) -> list[int]:
+    """The n best supported poses, none near a better one."""
+    chosen: list[int] = []
+    for k in np.argsort(-support, kind="stable")[: 40 * n]:
+        apart_m = [np.hypot(*(poses[k, :2] - poses[c, :2])) for c in chosen]
+        turned = [abs(float(wrap_angle_rad(poses[k, 2] - poses[c, 2]))) for c in chosen]
+        if all(m > 1.5 or t > 0.15 for m, t in zip(apart_m, turned, strict=True)):
+            chosen.append(int(k))
+        if len(chosen) == n:
+            break
+    return chosen
+
+
+def _covariances(found: Proposals, loosen: float) -> Array:
+    """How unsure the places are, robot's frame: (n, 2, 2)."""
+    along = np.stack([np.cos(found.bearing_rad), np.sin(found.bearing_rad)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    deep = (loosen * found.range_std * found.range_m) ** 2 + 0.1**2
+    wide = (loosen * found.bearing_std_rad * found.range_m) ** 2 + 0.1**2
+    return (
+        deep[:, None, None] * along[:, :, None] * along[:, None, :]
+        + wide[:, None, None] * across[:, :, None] * across[:, None, :]
+    )
+
+
+def _narrow(values: Array) -> Array:
+    """Half as wide, nearly twice as fast, and exact enough to choose by."""
+    return values.astype(np.float32)
+
+
+def _rotations(heading_rad: Array) -> Array:
+    c, s = np.cos(heading_rad), np.sin(heading_rad)
+    return np.stack([np.stack([c, -s], -1), np.stack([s, c], -1)], axis=-2)
+
+
+def _turned(places: Array, heading_rad: Array) -> Array:
+    """Places (k, 2), each turned by its own angle."""
+    return np.asarray((_rotations(heading_rad) @ places[..., None])[..., 0])

@@ -1,0 +1,248 @@
+"""Common landmarks of two ordinary photographs, whose cameras are unknown.
+
+Matches must obey one fundamental matrix, found by MAGSAC++ (Barath et al., 2020).
+"""
+
+import contextlib
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.errors import ImageError
+from vrchain.landmarks.extraction.sift import Keypoints, detect, mutual_matches, root
+from vrchain.landmarks.extraction.sky import sky_mask
+from vrchain.landmarks.matching.common import (
+    CommonLandmark,
+    Comparison,
+    Region,
+    check_not_blank,
+    group_by_nearness,
+    support_score,
+)
+from vrchain.landmarks.matching.variants import DEFAULT, compared, variant_named
+from vrchain.panorama import CameraRig, Panorama, read_image
+from vrchain.seeding import generator
+
+_LONGEST_SIDE_PX = 1000
+_LEAST_SIDE_PX = 16
+_LEAST_MATCHES = 8  # from which a fundamental matrix is sought
+_GROUP_SHARE = (
+    0.12  # of the longest side: matches nearer than this in both pictures belong together
+)
+
+
+@dataclass(frozen=True)
+class PhotoConfig:
+    """How matches are found and how many must agree.
+
+    By rendered views of suburbs (``experiments.photographs``) at most one pair in a hundred of
+    unrelated views is claimed so. Ratio, tolerance and ``either`` were taken after the photographs
+    of the project's tests had been looked at: what they do on these is no independent evidence.
+    """
+
+    root: bool = True  # Hellinger's distance between descriptors
+    ratio: float = 0.85  # nearest over second nearest distance
+    either: bool = True  # the ratio test asked in one direction, not in both
+    tolerance_px: float = 1.0
+    min_inliers: int = 18  # matches that obey one fundamental matrix
+    shuffles: int = 5  # of who matches whom; more must agree than in any of them
+    min_support: int = 6  # of them in a claim
+    sky: bool = False  # whether what matches in the sky counts
+
+
+PLAIN = PhotoConfig(
+    root=False,
+    ratio=0.8,
+    either=False,
+    tolerance_px=1.5,
+    min_inliers=20,
+    min_support=8,
+    shuffles=0,
+    sky=True,
+)  # what most tutorials do
+
+
+def photo_landmarks(
+    a_rgb: NDArray[np.uint8], b_rgb: NDArray[np.uint8]
+) -> tuple[CommonLandmark, ...]:
+    """Common landmarks of two photographs, (h, w, 3) uint8 each, surest first.
+
+    Regions are in the pixels of the pictures as given. ImageError if one is blank or tiny.
+    """
+    for name, image in (("first", a_rgb), ("second", b_rgb)):
+        _check_usable(image, f"the {name} picture")
+    return claims_of(described(a_rgb), described(b_rgb))
+
+
+@dataclass(frozen=True, eq=False)
+class Described:
+    """A picture's size (height, width) as given, and its keypoints, found at ``scale`` of it.
+
+    in_sky: (n,) which of the keypoints lie in the sky.
+    """
+
+    size_px: tuple[int, int]
+    keypoints: Keypoints
+    scale: float
+    in_sky: NDArray[np.bool_]
+
+
+def described(image_rgb: NDArray[np.uint8]) -> Described:
+    """The keypoints of a picture (h, w, 3), made smaller first if it is large."""
+    height, width = image_rgb.shape[:2]
+    scale = min(1.0, _LONGEST_SIDE_PX / max(height, width))
+    if scale < 1:
+        smaller = max(1, round(width * scale)), max(1, round(height * scale))
+        resized = cv2.resize(image_rgb, smaller, interpolation=cv2.INTER_AREA)
+        image_rgb = np.asarray(resized, dtype=np.uint8)
+    found = detect(image_rgb)
+    column, row = np.round(found.xy_px).astype(int).T
+    return Described((height, width), found, scale, sky_mask(image_rgb)[row, column])
+
+
+def agreeing(
+    a: Described, b: Described, config: PhotoConfig
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Indices (m,), (m,) of matched keypoints that obey one fundamental matrix."""
+    ia, ib = _matches(a, b, config)
+    inlier = _obeying(a, b, ia, ib, config)
+    ia, ib = ia[inlier], ib[inlier]
+    counted = config.sky | ~(a.in_sky[ia] | b.in_sky[ib])
+    return ia[counted], ib[counted]
+
+
+def _matches(
+    a: Described, b: Described, config: PhotoConfig
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    known_a, known_b = (
+        root(d.keypoints.descriptors) if config.root else d.keypoints.descriptors for d in (a, b)
+    )
+    return mutual_matches(known_a, known_b, config.ratio, config.either)
+
+
+def _obeying(
+    a: Described,
+    b: Described,
+    ia: NDArray[np.int64],
+    ib: NDArray[np.int64],
+    config: PhotoConfig,
+) -> NDArray[np.int64]:
+    """Which matches obey the fundamental matrix that most obey."""
+    mask = None
+    if len(ia) >= _LEAST_MATCHES:
+        with contextlib.suppress(cv2.error):  # raised where all matches lie on a few points
+            mask = cv2.findFundamentalMat(
+                a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], cv2.USAC_MAGSAC,
+                config.tolerance_px, 0.999, 10000,
+            )[1]  # fmt: skip
+    return np.flatnonzero(mask) if mask is not None else np.empty(0, dtype=np.int64)
+
+
+def _by_chance(a: Described, b: Described, config: PhotoConfig) -> int:
+    """The most matches that agree when it is shuffled who matches whom.
+
+    Keypoints in rows and grids agree on some fundamental matrix whatever they are matched with.
+    """
+    ia, ib = _matches(a, b, config)
+    draws = generator(0, "photographs", len(ia))
+    shuffled = (draws.permutation(ib) for _ in range(config.shuffles))
+    return max((len(_obeying(a, b, ia, other, config)) for other in shuffled), default=0)
+
+
+def claims_of(
+    a: Described, b: Described, config: PhotoConfig | None = None
+) -> tuple[CommonLandmark, ...]:
+    """Common landmarks of two pictures, surest first."""
+    config = config or PhotoConfig()
+    ia, ib = agreeing(a, b, config)
+    if len(ia) < config.min_inliers or len(ia) <= _by_chance(a, b, config):
+        return ()
+    groups = group_by_nearness(
+        a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], _GROUP_SHARE * _LONGEST_SIDE_PX
+    )
+    large = [members for members in groups if len(members) >= config.min_support]
+    claims = [
+        CommonLandmark(
+            support_score(len(members)), _region(a, ia[members]), _region(b, ib[members]),
+            ia[members], ib[members],
+        )
+        for members in large or [np.arange(len(ia))]
+    ]  # fmt: skip
+    return tuple(sorted(claims, key=lambda c: -c.score))
+
+
+@dataclass(frozen=True, eq=False)
+class FileComparison:
+    """Common landmarks of two files, and the two pictures, (h, w, 3) uint8, to show them on.
+
+    rig: set when both are panoramas; the pictures are their cylinders then.
+    """
+
+    comparison: Comparison
+    a_rgb: NDArray[np.uint8]
+    b_rgb: NDArray[np.uint8]
+    rig: CameraRig | None
+
+    @property
+    def claims(self) -> tuple[CommonLandmark, ...]:
+        """The common landmarks, surest first."""
+        return self.comparison.common
+
+
+def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> FileComparison:
+    """Common landmarks of two files, each a photograph or a panorama's folder.
+
+    Two panoramas are compared as such, by the variant of that name. A panorama beside a photograph
+    is taken as its views, of which the one with the most in common counts. ImageError names a file
+    that cannot serve; MissionError: there is no such variant.
+    """
+    chosen = variant_named(variant) if variant != DEFAULT else None
+    left, right = _load(a), _load(b)
+    if isinstance(left, Panorama) and isinstance(right, Panorama):
+        found = compared(chosen or variant_named(variant), left, right)
+        return FileComparison(found, left.cylinder, right.cylinder, left.rig)
+    views_a, views_b = _views(left), _views(right)
+    described_a, described_b = ([described(v) for v in views] for views in (views_a, views_b))
+    claimed = {
+        (i, j): claims_of(one, other)  # a single view may well be blank
+        for i, one in enumerate(described_a)
+        for j, other in enumerate(described_b)
+    }
+    i, j = max(claimed, key=lambda pair: sum(len(c.support_a) for c in claimed[pair]))
+    claims = [replace(c, a=replace(c.a, view=i), b=replace(c.b, view=j)) for c in claimed[i, j]]
+    return FileComparison(Comparison(tuple(claims), None), views_a[i], views_b[j], None)
+
+
+def _views(image: Panorama | NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
+    return list(image.views) if isinstance(image, Panorama) else [image]
+
+
+def _load(path: str | Path) -> Panorama | NDArray[np.uint8]:
+    if Path(path).is_dir():
+        panorama = Panorama.load(path)
+        check_not_blank(panorama.cylinder, str(path))
+        return panorama
+    image = read_image(path)
+    _check_usable(image, str(path))
+    return image
+
+
+def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:
+    height, width = image_rgb.shape[:2]
+    if min(height, width) < _LEAST_SIDE_PX:
+        raise ImageError(
+            f"{what} is too small: expected at least {_LEAST_SIDE_PX} pixels each way, "
+            f"got {width} x {height}"
+        )
+    check_not_blank(image_rgb, what)
+
+
+def _region(found: Described, index: NDArray[np.int64]) -> Region:
+    xy, reach = found.keypoints.xy_px[index], found.keypoints.size_px[index, None] / 2
+    height, width = found.size_px
+    low = np.clip((xy - reach).min(axis=0) / found.scale, 0, (width, height))
+    high = np.clip((xy + reach).max(axis=0) / found.scale, 0, (width, height))
+    return Region(0, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), None, None)

@@ -1,0 +1,188 @@
+"""The ways to find common landmarks, by name; and how to plug in another.
+
+A variant looks at each panorama once, and compares two such looks. One of your own is given by
+where it is found, ``--variant mymodule:mine``, and stands in every table beside the others:
+
+    mine = Variant("mine", look=my_features, compare=my_comparison, keypoints=lambda look: look)
+"""
+
+import hashlib
+import importlib
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import lru_cache, partial
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+
+from vrchain.errors import MissionError
+from vrchain.landmarks.extraction.record import LandmarkRecord, examine, examine_quickly, maker_of
+from vrchain.landmarks.extraction.sift import Features, extract
+from vrchain.landmarks.extraction.weights import SHIPPED
+from vrchain.landmarks.matching.calibration import load_calibration
+from vrchain.landmarks.matching.common import Comparison, MatchConfig, check_comparable, compare
+from vrchain.landmarks.matching.joint import JointConfig, compare_joint
+from vrchain.panorama import CameraRig, Panorama
+
+DEFAULT = "cnn+sift"
+HALF = ", half resolution"
+FEWER = "cnn+sift, fewer keypoints"  # as robots under way look
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to find common landmarks.
+
+    look: what is kept of a panorama. compare: of two looks at panoramas of one rig, their claims,
+    surest first, and the relative pose if it has one. keypoints: those of a look that the supports
+    of its claims count by. maker: what its results depend on beside the code, as text: results
+    that are kept are used again only where it is the same; of one plugged in, the digest of its
+    module's file is put behind. claimed: the score from which its claims
+    count where all are kept to see what other thresholds would do. partial: it is the default with
+    something left out, to compare with and not for use.
+    """
+
+    name: str
+    look: Callable[[Panorama], Any]
+    compare: Callable[[Any, Any], Comparison]
+    keypoints: Callable[[Any], Features]
+    maker: str = ""
+    claimed: float = 0.5
+    partial: bool = False
+
+
+def sift(min_score: float = MatchConfig().min_score) -> Variant:
+    """SIFT over whole panoramas under one relative pose."""
+    matching = partial(_by_sift, config=MatchConfig(min_score=min_score))
+    return Variant("sift", _whole, matching, lambda look: look[0], claimed=MatchConfig().min_score)
+
+
+def learned(
+    config: JointConfig | None = None, weights: Path = SHIPPED, name: str | None = None
+) -> Variant:
+    """Landmarks that the network proposes, joined by looks and places; with SIFT, or without.
+
+    LearnedError without torch, the weights or their calibration.
+    """
+    config, calibration = config or JointConfig(), load_calibration(weights)
+    look = _look_by(weights)
+    joining = partial(compare_joint, config=config, calibration=calibration)
+    own = name or config.name
+    part = config.name != DEFAULT
+    return Variant(own, look, joining, _kept, maker_of(weights), JointConfig().min_score, part)
+
+
+def compared(variant: Variant, a: Panorama, b: Panorama) -> Comparison:
+    """What two panoramas have in common. ImageError: one is blank, or their rigs differ."""
+    check_comparable(a, b)
+    return variant.compare(variant.look(a), variant.look(b))
+
+
+def at_half_resolution(variant: Variant) -> Variant:
+    """The same with cameras of half as many pixels each way."""
+
+    def look(panorama: Panorama) -> Any:
+        return variant.look(halved(panorama))
+
+    return replace(variant, name=f"{variant.name}{HALF}", look=look)
+
+
+def halved(panorama: Panorama) -> Panorama:
+    """The panorama as cameras of half its resolution would have taken it."""
+    rig = panorama.rig
+    small = replace(rig, width_px=rig.width_px // 2, height_px=rig.height_px // 2)
+    size = small.width_px, small.height_px
+    views = [cv2.resize(v, size, interpolation=cv2.INTER_AREA) for v in panorama.views]
+    return Panorama(small, np.stack(views).astype(np.uint8))
+
+
+def variant_named(name: str, min_score: float | None = None) -> Variant:
+    """A variant by its name; MissionError if there is none.
+
+    Or WEIGHTS.pt, the default with other weights; or MODULE:NAME of one plugged in. min_score: of
+    the claims that it makes, if not its own.
+    """
+    if name.endswith(HALF):
+        return at_half_resolution(variant_named(name.removesuffix(HALF), min_score))
+    if name == FEWER:
+        return replace(variant_named(DEFAULT, min_score), name=FEWER, look=examine_quickly)
+    if name == "sift":
+        return sift() if min_score is None else sift(min_score)
+    if name in JOINT:
+        config = JOINT[name]
+        return learned(config if min_score is None else replace(config, min_score=min_score))
+    if name.endswith(".pt"):
+        config = JOINT[DEFAULT]
+        config = config if min_score is None else replace(config, min_score=min_score)
+        return learned(config, Path(name), f"{DEFAULT}, {Path(name).name}")
+    return _plugged_in(name)
+
+
+def _plugged_in(name: str) -> Variant:
+    """MODULE:NAME, of a module that Python finds, or in the current folder."""
+    module, _, attribute = name.partition(":")
+    here = str(Path.cwd())
+    if here not in sys.path:
+        sys.path.append(here)
+    try:
+        source = importlib.import_module(module) if attribute else None
+        found = getattr(source, attribute) if attribute else None
+        why = f" ({name} is a {type(found).__name__}, not a Variant)" if attribute else ""
+    except Exception as error:  # a module of somebody's own may fail in any way
+        found, why = None, f" ({type(error).__name__}: {' '.join(str(error).split())})"
+    if not isinstance(found, Variant):
+        raise MissionError(
+            f"no variant {name!r}{why}: there are {'; '.join(['sift', *JOINT, FEWER])}; these with "
+            f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
+        )
+    file = getattr(source, "__file__", None)
+    made_of = hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
+    return replace(found, maker=f"{found.maker} {made_of}")
+
+
+JOINT = {
+    config.name: config
+    for config in (
+        JointConfig(sift=False, spots=False),
+        JointConfig(),
+        JointConfig(sift=False),
+        JointConfig(spots=False),
+        JointConfig(embedding=False),
+        JointConfig(geometry=False),
+    )
+}
+
+
+@lru_cache(maxsize=2)
+def _keypoints(panorama: Panorama) -> Features:
+    """All of a panorama's: more than one variant wants them."""
+    return extract(panorama)
+
+
+def _whole(panorama: Panorama) -> tuple[Features, CameraRig]:
+    return _keypoints(panorama), panorama.rig
+
+
+def _by_sift(
+    a: tuple[Features, CameraRig], b: tuple[Features, CameraRig], config: MatchConfig
+) -> Comparison:
+    return compare(a[0], b[0], a[1], config)
+
+
+_LOOKS: dict[Path, Callable[[Panorama], LandmarkRecord]] = {}
+
+
+def _look_by(weights: Path) -> Callable[[Panorama], LandmarkRecord]:
+    """The same function for the same weights: what several variants look at, is looked at once."""
+
+    def look(panorama: Panorama) -> LandmarkRecord:
+        return examine(panorama, weights, features=_keypoints(panorama))
+
+    return _LOOKS.setdefault(weights, look)
+
+
+def _kept(record: LandmarkRecord) -> Features:
+    return record.features

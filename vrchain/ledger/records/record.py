@@ -1,0 +1,117 @@
+"""What every signed record has in common: body, signature, canonical bytes, id.
+
+The signature is over the body. The id is the SHA-256 of the whole record, signature
+included, so that a head hash pins every stored byte. Nobody but the signer can make a
+second valid signature for a body; a signer who does makes a second id for one sequence
+number, which the chain refuses as a replay.
+
+Records never change, so each keeps its bytes once they are made or read, and the key for
+which its signature was once found to hold.
+"""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any, ClassVar, Self
+
+from vrchain.ledger.errors import EncodingError, SignatureError
+from vrchain.ledger.records.encoding import (
+    MAX_RECORD_BYTES,
+    Field,
+    check_kinds,
+    check_length,
+    decode,
+    digest,
+    encode,
+    encode_fields,
+    split,
+)
+from vrchain.ledger.records.keys import SIGNATURE_BYTES, PublicKey, SigningKey
+
+SIGNED_DOMAIN = "vrchain/2/signed"
+
+# encode(SIGNED_DOMAIN, body, signature) has these bytes around the body and its length.
+_BEFORE_BODY = encode(SIGNED_DOMAIN, b"")[:-4]
+_BODY_START = len(_BEFORE_BODY) + 4
+_AFTER_BODY = encode_fields(bytes(SIGNATURE_BYTES))[:-SIGNATURE_BYTES]
+_LEAST_BYTES = _BODY_START + len(_AFTER_BODY) + SIGNATURE_BYTES
+
+
+@dataclass(frozen=True)
+class SignedRecord:
+    """Base of the record kinds. An empty signature marks a draft, which has no canonical bytes."""
+
+    DOMAIN: ClassVar[str]
+
+    signature: bytes = field(default=b"", kw_only=True)
+
+    @cached_property
+    def body(self) -> bytes:
+        """The bytes that are signed: every field but the signature."""
+        return encode(self.DOMAIN, *self._fields())
+
+    @cached_property
+    def record(self) -> bytes:
+        """The canonical bytes: body and signature."""
+        check_length(f"signature of {self}", self.signature, SIGNATURE_BYTES)
+        return encode(SIGNED_DOMAIN, self.body, self.signature)
+
+    @cached_property
+    def id(self) -> bytes:
+        """SHA-256 of the canonical bytes, 32 bytes."""
+        return digest(self.record)
+
+    def signed(self, key: SigningKey) -> Self:
+        """A copy that carries ``key``'s signature of the body."""
+        copy = object.__new__(type(self))  # the same fields, checked already, and the same body
+        copy.__dict__.update(self.__dict__, body=self.body, signature=key.sign(self.body))
+        for name in ("record", "id", "_accepted_by"):
+            copy.__dict__.pop(name, None)
+        return copy
+
+    def check_signature(self, signer: str, public: PublicKey) -> None:
+        """Raise SignatureError unless the signature is that of ``signer``'s public key."""
+        if self.__dict__.get("_accepted_by") == public.raw:
+            return
+        if not public.accepts(self.body, self.signature):
+            raise SignatureError(f"{self} does not carry a valid signature by {signer}")
+        self.__dict__["_accepted_by"] = public.raw
+
+    @classmethod
+    def decode(cls, data: bytes) -> Self:
+        """The record of exactly these canonical bytes; EncodingError or RecordError otherwise."""
+        record = decode_signed(data, {cls.DOMAIN: cls})
+        assert isinstance(record, cls)
+        return record
+
+    def _fields(self) -> tuple[Field, ...]:
+        raise NotImplementedError
+
+    @classmethod
+    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
+        raise NotImplementedError
+
+
+def decode_signed(data: bytes, kinds: dict[str, type[SignedRecord]]) -> SignedRecord:
+    """The record of one of ``kinds`` (by domain) in canonical bytes.
+
+    Raises EncodingError, RecordError or TooLargeError for anything else.
+    """
+    body, signature = _opened(data)
+    domain, fields = split(body)
+    if domain not in kinds:
+        raise EncodingError(f"expected a record of {' or '.join(kinds)}, got {domain!r:.80}")
+    record = kinds[domain]._from_fields(fields, signature)
+    record.__dict__.update(body=body, record=data)  # what decodes is canonical
+    return record
+
+
+def _opened(data: bytes) -> tuple[bytes, bytes]:
+    """Body and signature. What has the shape of all records is cut; the decoder judges the rest."""
+    if type(data) is bytes and _LEAST_BYTES <= len(data) <= MAX_RECORD_BYTES:
+        end = len(data) - len(_AFTER_BODY) - SIGNATURE_BYTES
+        before = _BEFORE_BODY + (end - _BODY_START).to_bytes(4, "big")
+        if data.startswith(before) and data.startswith(_AFTER_BODY, end):
+            return data[_BODY_START:end], data[-SIGNATURE_BYTES:]
+    body, signature = check_kinds("signed record", decode(data, SIGNED_DOMAIN), bytes, bytes)
+    check_length("signature", signature, SIGNATURE_BYTES)
+    return body, signature

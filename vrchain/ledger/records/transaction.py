@@ -1,0 +1,114 @@
+"""A transaction: one robot says, signed, that it took one panorama and saw its landmarks."""
+
+from dataclasses import dataclass
+from typing import Any, ClassVar, Self
+
+from vrchain.ledger.errors import PayloadDigestError, RecordError
+from vrchain.ledger.records.encoding import (
+    DIGEST_BYTES,
+    NO_DIGEST,
+    Field,
+    check_integer,
+    check_kinds,
+    check_length,
+    check_name,
+    check_payload,
+    digest,
+)
+from vrchain.ledger.records.record import SignedRecord
+
+REASONS = ("start", "distance", "view", "time")
+NO_BLOB = NO_DIGEST  # the landmarks' digest of a publisher that has none yet
+NO_TRANSACTION = NO_DIGEST  # what a robot's first transaction has for its previous one
+
+
+@dataclass(frozen=True)
+class Transaction(SignedRecord):
+    """``sequence`` counts the robot's own transactions from 0; ``timestamp_ns`` is its clock's.
+
+    ``ledger_id`` is the genesis record's id, so that no transaction passes in another ledger.
+    ``payload_digest`` is the SHA-256 of the panorama's bytes, ``landmarks_digest`` that of the
+    landmark record's or NO_BLOB. ``previous`` is the id of the robot's transaction before this
+    one, NO_TRANSACTION for its first, so that each robot's transactions are a chain as well.
+    """
+
+    DOMAIN: ClassVar[str] = "vrchain/2/transaction"
+
+    ledger_id: bytes
+    robot: str
+    sequence: int
+    timestamp_ns: int
+    reason: str
+    payload_digest: bytes
+    landmarks_digest: bytes = NO_BLOB
+    previous: bytes = NO_TRANSACTION
+
+    def __post_init__(self) -> None:
+        check_length("ledger id", self.ledger_id, DIGEST_BYTES)
+        check_name("robot", self.robot)
+        check_integer("sequence", self.sequence)
+        check_integer("timestamp_ns", self.timestamp_ns)
+        if self.reason not in REASONS:
+            raise RecordError(f"expected a reason of {', '.join(REASONS)}, got {self.reason!r:.80}")
+        check_length("payload digest", self.payload_digest, DIGEST_BYTES)
+        check_length("landmarks digest", self.landmarks_digest, DIGEST_BYTES)
+        check_length("previous transaction", self.previous, DIGEST_BYTES)
+
+    def __str__(self) -> str:
+        return f"transaction {self.sequence} of {self.robot}"
+
+    @property
+    def blobs(self) -> tuple[bytes, ...]:
+        """Digests of the one or two blobs that it names."""
+        if self.landmarks_digest == NO_BLOB:
+            return (self.payload_digest,)
+        return (self.payload_digest, self.landmarks_digest)
+
+    def _fields(self) -> tuple[Field, ...]:
+        return (
+            self.ledger_id,
+            self.robot,
+            self.sequence,
+            self.timestamp_ns,
+            self.reason,
+            self.payload_digest,
+            self.landmarks_digest,
+            self.previous,
+        )
+
+    @classmethod
+    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
+        kinds = (bytes, str, int, int, str, bytes, bytes, bytes)
+        return cls(*check_kinds("transaction", fields, *kinds), signature=signature)
+
+
+@dataclass(frozen=True)
+class Offer:
+    """A transaction with the bytes that it names: there is none with other bytes.
+
+    ``landmarks`` is None exactly when the transaction names no landmark record. Making one
+    with other bytes raises PayloadDigestError; RecordError or TooLargeError for what is no blob.
+    """
+
+    transaction: Transaction
+    payload: bytes
+    landmarks: bytes | None = None
+
+    def __post_init__(self) -> None:
+        named = (self.transaction.payload_digest, self.transaction.landmarks_digest)
+        if (blob_digest(self.payload), blob_digest(self.landmarks)) != named:
+            raise PayloadDigestError(f"the blobs are not those that {self.transaction} names")
+
+    @property
+    def blobs(self) -> dict[bytes, bytes]:
+        """The bytes by their digests."""
+        given = (self.payload,) if self.landmarks is None else (self.payload, self.landmarks)
+        return dict(zip(self.transaction.blobs, given, strict=True))
+
+
+def blob_digest(blob: bytes | None) -> bytes:
+    """SHA-256 of a blob, NO_BLOB of none. RecordError or TooLargeError for what is no blob."""
+    if blob is None:
+        return NO_BLOB
+    check_payload(blob)
+    return digest(blob)

@@ -1,0 +1,45 @@
+"""A new ledger's folder: wholly there or not at all."""
+
+import os
+from pathlib import Path
+
+from vrchain.ledger.errors import LedgerExistsError
+from vrchain.ledger.records.block import Entry
+from vrchain.ledger.records.keys import DATABASE_NAME
+from vrchain.ledger.storage.database import create_database
+from vrchain.ledger.storage.durable import storage_errors, sync_folder
+
+
+def create_folder(folder: Path, first: Entry) -> None:
+    """Make ``folder``, missing or empty, a ledger of one entry, durably.
+
+    Raises LedgerExistsError when something is there, StorageError when it cannot be
+    written; then nothing is left behind.
+    """
+    made = folder / DATABASE_NAME
+    draft = folder / f".{DATABASE_NAME}.{os.getpid()}.new"
+    with storage_errors(f"creating the ledger {folder}"):
+        is_new = _check_room(folder)
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+            create_database(draft, first)
+            os.rename(draft, made)
+            sync_folder(folder)
+            sync_folder(folder.absolute().parent)
+        except BaseException:
+            for leftover in [made, *folder.glob(f"{draft.name}*")]:
+                leftover.unlink(missing_ok=True)
+            if is_new and folder.exists():
+                folder.rmdir()
+            raise
+
+
+def _check_room(folder: Path) -> bool:
+    """Whether the folder has to be made."""
+    if (folder / DATABASE_NAME).exists():
+        raise LedgerExistsError(f"{folder} holds a ledger already; choose another folder")
+    if folder.exists() and not folder.is_dir():
+        raise LedgerExistsError(f"{folder} is not a folder; choose another name")
+    if folder.is_dir() and any(folder.iterdir()):
+        raise LedgerExistsError(f"{folder} is not empty and no ledger; choose another folder")
+    return not folder.exists()

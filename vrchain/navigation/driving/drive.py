@@ -1,0 +1,154 @@
+"""Driving and looking: to a place by odometry, around what the range ring shows."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
+from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.obstacles import Ways
+from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.settings import Body, GaveUp, MissionConfig
+from vrchain.panorama import Panorama
+from vrchain.robot import Observation, beams_rad, newcomer_m, steer
+
+Array = NDArray[np.float64]
+
+_HEADWAY_M = 0.5  # of way, without which a robot is stuck
+_LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
+_TICKS = 3  # of steering between two looks for a way
+_PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
+_YIELDS_M = 1.2  # to what drives so near: steering minds only what is ahead
+_SLOW_M_S = 0.4  # an approach that is slower leads astray
+_ONE_SURFACE_M = 1.0  # neighbouring beams that end no farther apart meet one surface
+
+
+class Pilot:
+    """A robot's body and eyes, what it has met and looked at, and its clock.
+
+    now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
+    looked: where they were taken; standing: where what was proposed in them stands, about, (n, 2)
+    each; latest: the last look around, and from where. Places are in the odometry's frame.
+    """
+
+    def __init__(self, body: Body, eyes: Eyes, config: MissionConfig) -> None:
+        self.body, self.eyes, self.config = body, eyes, config
+        self.ways = Ways()
+        self.looks: list[Panorama] = []
+        self.looked: list[Array] = []
+        self.standing: list[Array] = []
+        self.latest: tuple[Pose, Look] | None = None
+        self.now: Observation = body.observe()
+        self._before = self.now  # the last time it drove
+        self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
+        self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
+
+    @property
+    def here(self) -> Pose:
+        """By odometry."""
+        return self.now.odometry
+
+    def look_around(self) -> Look:
+        """A look all around, which is kept as evidence."""
+        self.now = self.body.observe(look=True)
+        assert self.now.panorama is not None
+        self.looks.append(self.now.panorama)
+        self.looked.append(self.here.xy_m)
+        look = self.eyes.examine(self.now)
+        self.standing.append(self._standing(look))
+        self.latest = self.here, look
+        return look
+
+    def _standing(self, look: Look) -> Array:
+        p = look.proposals
+        surely = (p.score >= _PROPOSED) & (p.range_m < _FARTHEST_M)
+        turn = rotation_z(self.here.yaw_rad)[:2, :2]
+        return np.asarray(self.here.xy_m + p.xy_m[surely] @ turn.T)
+
+    def glance(self, bearing_rad: float) -> Look:
+        """What one camera shows around a bearing."""
+        self.now = self.body.observe(towards_rad=bearing_rad)
+        return self.eyes.examine(self.now)
+
+    def ahead_m(
+        self,
+        bearing_rad: float,
+        half_width_rad: float = 0.1,
+        of: Callable[[Array], np.floating] = np.min,
+    ) -> float:
+        """What the range ring shows around a bearing: the shortest reading, or another one."""
+        return range_along_m(self.now.range_ring_m, bearing_rad, half_width_rad, of)
+
+    def surface_m(self, bearing_rad: float) -> float:
+        """How near the surface comes that is met at a bearing; inf if none is."""
+        return nearest_of_surface_m(self.now.range_ring_m, bearing_rad, self.ways.reach_m)
+
+    def until_ns(self, place: Place) -> int:
+        """When an approach to a place has taken too long."""
+        limit_s = self.config.leg_limit_s + place.range_m(self.here) / _SLOW_M_S
+        return self.now.time_ns + int(limit_s * 1e9)
+
+    def stretch(self, xy_m: Array, within_m: float, way_m: float) -> float | None:
+        """Drive some way towards a place, around what is in the way; None: it gets no nearer.
+
+        GaveUp when the mission's time is over.
+        """
+        driven_m, previous = 0.0, self.here
+        since_ns, since_m = self.now.time_ns, 0.0
+        while driven_m < way_m:
+            if self.here.distance_to_m(self._about_xy_m) > _LINGERS_M:
+                self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
+            if driven_m >= since_m + _HEADWAY_M:
+                since_ns, since_m = self.now.time_ns, driven_m
+            self.ways.note(self.here, self.now.range_ring_m)
+            course = self.ways.course_rad(self.here, xy_m, within_m)
+            if course is None:
+                return driven_m if driven_m > 0.2 else None
+            stuck = self.now.time_ns - since_ns > self.config.stuck_after_s * 1e9
+            if stuck or self.now.time_ns - self._about_ns > _LINGERS_S * 1e9:
+                self._about_ns = self.now.time_ns
+                self.ways.block(self.here, course)
+                return None
+            for _ in range(_TICKS):
+                if self.now.time_ns > self._deadline_ns:
+                    raise GaveUp(f"out of time after {self.config.limit_s:g} s")
+                wanted = float(wrap_angle_rad(course - self.here.yaw_rad))
+                drive = steer(wanted, self.now.range_ring_m)
+                if newcomer_m(self._before, self.now) < _YIELDS_M:
+                    drive = replace(drive, speed_m_s=0.0)
+                self._before = self.now
+                self.body.drive(drive, self.config.tick_s)
+                self.now = self.body.observe()
+                driven_m += previous.distance_to_m(self.here.xy_m)
+                previous = self.here
+        return driven_m
+
+
+def range_along_m(
+    range_ring_m: Array,
+    bearing_rad: float,
+    half_width_rad: float = 0.1,
+    of: Callable[[Array], np.floating] = np.min,
+) -> float:
+    """The shortest reading, or another one, of a range ring within so much of a bearing."""
+    beams = beams_rad(len(range_ring_m))
+    near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad
+    return float(of(range_ring_m[near])) if near.any() else float("inf")
+
+
+def nearest_of_surface_m(range_ring_m: Array, bearing_rad: float, reach_m: float) -> float:
+    """How near the surface comes that a range ring meets at a bearing; inf if it meets none."""
+    beams = beams_rad(len(range_ring_m))
+    first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
+    ring = np.roll(range_ring_m, -first)
+    met = ring < reach_m
+    if not met[0]:
+        return float("inf")
+    ends = ring[:, None] * np.column_stack([np.cos(beams), np.sin(beams)])
+    apart_m = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
+    joined = met & np.roll(met, -1) & (apart_m <= _ONE_SURFACE_M)  # to the next beam
+    onward = np.append(True, np.logical_and.accumulate(joined)[:-1])
+    back = np.logical_and.accumulate(joined[::-1])[::-1]
+    return float(ring[onward | back].min())

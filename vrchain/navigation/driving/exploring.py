@@ -1,0 +1,84 @@
+"""Going and looking where nobody has looked yet, as far as the robot knows.
+
+Of such places it takes one that is near and around which much stands that it saw from afar only:
+along a suburb's edge there is little to find.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.navigation.driving.drive import Array, Pilot
+from vrchain.navigation.settings import GaveUp, Log
+
+_TURNS = 16  # directions in which it may go and look elsewhere
+_WITHIN_M = 60.0
+_TURN_M = 4.0  # of way, that a radian of turn counts for
+_SEEN_M, _SHOWS_M = 15.0, 20.0  # what was seen from so near is known; a place shows so much around
+_CELL_M = 5.0  # what is seen to stand in one such cell is one thing
+_WORTH = 6.0  # so many things to see are worth as long a way again
+
+
+class Explorer:
+    """Drives on, a look at a time, towards a place around which it has not looked."""
+
+    def __init__(self, pilot: Pilot, log: Log) -> None:
+        self.pilot, self.log = pilot, log
+        self._unreachable: list[Array] = []
+        self._target: Array | None = None
+
+    def drive_on(self, others_xy_m: Sequence[Array] = ()) -> None:
+        """Drive some way towards such a place; GaveUp if there is none.
+
+        others_xy_m: where others have looked, which is left out while anything else is left.
+        """
+        pilot = self.pilot
+        target = self._unseen(others_xy_m)
+        if target is None and len(others_xy_m):
+            target = self._unseen(())
+        if target is None:
+            raise GaveUp("there is nowhere left to look from where I can get")
+        if self._target is None or np.hypot(*(target - self._target)) > 1e-6:
+            self.log("explore", "going where nobody has looked yet", len(pilot.looks) - 1)
+        self._target = target
+        way_m = 0.0
+        while way_m < pilot.config.search_every_m:
+            if pilot.here.distance_to_m(target) < 3.0:
+                return
+            driven_m = pilot.stretch(target, 2.0, 1.0)
+            if driven_m is None:
+                self._unreachable.append(target)
+                return
+            way_m += driven_m
+
+    def _unseen(self, others_xy_m: Sequence[Array]) -> Array | None:
+        """The best place far from all looked-at ones; as before, if that is near."""
+        pilot, apart_m = self.pilot, self.pilot.config.explore_m
+        known = np.array([*pilot.looked, *self._unreachable, *others_xy_m])
+        angle = np.arange(_TURNS) * 2 * np.pi / _TURNS
+        rim = (apart_m + 1.0) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        places = (known[:, None] + rim).reshape(-1, 2)
+        places = places if self._target is None else np.vstack([self._target, places])
+        new = cdist(places, known).min(axis=1) >= apart_m
+        own = self._target is not None and bool(new[0])
+        near = np.hypot(*(places - pilot.here.xy_m).T) < _WITHIN_M
+        places = places[new & near]
+        if len(places) == 0:
+            return None
+        length_m = pilot.ways.lengths_m(pilot.here, places)
+        turn = np.arctan2(*(places - pilot.here.xy_m).T[::-1]) - pilot.here.yaw_rad
+        value = length_m + _TURN_M * np.abs(wrap_angle_rad(turn))
+        value /= 1 + self._to_see(places) / _WORTH
+        if own and near[0]:
+            value[0] *= 0.6  # no dithering
+        best = int(value.argmin())
+        return np.asarray(places[best]) if np.isfinite(value[best]) else None
+
+    def _to_see(self, places: Array) -> Array:
+        """How much stands around each that was seen from afar only: (n,)."""
+        things, looked = np.concatenate(self.pilot.standing), np.array(self.pilot.looked)
+        afar = cdist(things, looked).min(axis=1) > _SEEN_M
+        cells = _CELL_M * np.unique(np.round(things[afar] / _CELL_M), axis=0)
+        return np.asarray((cdist(places, cells) < _SHOWS_M).sum(axis=1))

@@ -1,0 +1,175 @@
+"""What a robot makes of what it sees: landmark records, their comparison, and the goal in them."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import Proposals
+from vrchain.landmarks.extraction.record import LandmarkRecord, examine, examine_quickly
+from vrchain.landmarks.extraction.sift import NO_FEATURES, Features, extract, extract_near
+from vrchain.landmarks.extraction.spots import NO_SPOTS, Spots
+from vrchain.landmarks.extraction.weights import SHIPPED
+from vrchain.landmarks.matching.calibration import Calibration, load_calibration
+from vrchain.landmarks.matching.common import Comparison
+from vrchain.landmarks.matching.consistency import LEAST_CLAIM, chance_joined
+from vrchain.landmarks.matching.joint import JointConfig, compare_joint
+from vrchain.landmarks.retrieval.gallery import record_from
+from vrchain.navigation.planning.relative_poses import baseline_m
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.robot import Observation
+
+# A route weighs claims by their scores, and by the chance that panoramas were joined rightly.
+PLANNING = JointConfig(min_score=LEAST_CLAIM, min_joined=0.0)
+# Log-odds that panoramas of a ledger were joined rightly: so much, so many times those by claims,
+# and so many times the log of the way between them over a typical one. Logistic regression on
+# the joins of three patrols, all robots' panoramas with all others', of seeds 1311 and 1312.
+_LESS, _STEEP, _BY_WAY, _TYPICAL_M = -0.57, 1.8, 2.4, 15.0
+_SUREST = 0.995
+
+
+@dataclass(frozen=True, eq=False)
+class Look:
+    """What a robot makes of what it sees: what may be landmarks, their spots, and all keypoints.
+
+    Bearings in the robot's frame. extracted: the keypoints, once they are asked for;
+    extracted_near: those so far beside a bearing, where that costs less. record: of a whole
+    panorama, as it is published and compared.
+    """
+
+    rig: CameraRig
+    proposals: Proposals
+    extracted: Callable[[], Features]
+    spots: Spots = NO_SPOTS
+    record: LandmarkRecord | None = None
+    extracted_near: Callable[[float, float], Features] | None = None
+
+    @cached_property
+    def features(self) -> Features:
+        return self.extracted()
+
+    def features_near(self, bearing_rad: float, half_rad: float) -> Features:
+        """The keypoints at most so far beside a bearing."""
+        if self.extracted_near is not None:
+            return self.extracted_near(bearing_rad, half_rad)
+        return self.features.near(bearing_rad, half_rad)
+
+
+@dataclass(frozen=True, eq=False)
+class Eyes:
+    """examine: what a robot makes of an observation with a panorama or a view.
+
+    stored: what it makes of a panorama's bytes and of the record published with it, or None.
+    compare: what two looks have in common; trust: the chance that they were joined rightly.
+    alike: how much their proposals look alike, without a comparison.
+    """
+
+    examine: Callable[[Observation], Look]
+    stored: Callable[[bytes, bytes | None], Look]
+    compare: Callable[[Look, Look], Comparison]
+    calibration: Calibration
+    trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0
+
+    def alike(self, a: Look, b: Look) -> float:
+        """How much looks speak for landmarks in common, of as many as there may be.
+
+        By the log-likelihood ratios of proposals that are each other's most alike.
+        """
+        one, other = a.proposals.embedding, b.proposals.embedding
+        if len(one) == 0 or len(other) == 0:
+            return 0.0
+        looks = self.calibration.looks(one @ other.T)
+        rows, best = np.arange(len(one)), looks.argmax(axis=1)
+        mutual = looks.argmax(axis=0)[best] == rows
+        speaks = np.logaddexp(0.0, looks[rows, best][mutual]).sum()
+        return float(speaks / np.sqrt(len(one) * len(other)))
+
+    def record(self, seen: Observation) -> LandmarkRecord:
+        """The record of a panorama, to publish."""
+        record = self.examine(seen).record
+        assert record is not None, "only whole panoramas are published"
+        return record
+
+
+def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eyes:
+    """Eyes by the network and by SIFT; LearnedError without torch or weights."""
+    calibration = load_calibration(weights)
+    last: list[tuple[Panorama, Look]] = []  # what is published was just looked at
+    decoded = lru_cache(maxsize=1)(Panorama.decode)  # the goal is sought in parts of it
+
+    def look(seen: Observation) -> Look:
+        panorama = seen.panorama
+        assert panorama is not None
+        if not last or last[0][0] is not panorama:
+            if seen.view_rad is None:
+                record = examine_quickly(panorama, weights)
+            else:  # a glance is compared with nothing
+                record = examine(panorama, weights, features=NO_FEATURES)
+            made = look_at(record, lambda: panorama)
+            last[:] = [(panorama, in_robots_frame(made, seen))]
+        return last[0][1]
+
+    def stored(panorama: bytes, landmarks: bytes | None) -> Look:
+        return look_at(record_from(panorama, landmarks, weights), lambda: decoded(panorama))
+
+    def compare(a: Look, b: Look) -> Comparison:
+        assert a.record is not None and b.record is not None, "only whole panoramas are compared"
+        return compare_joint(a.record, b.record, config, calibration)
+
+    return Eyes(look, stored, compare, calibration, trusted)
+
+
+def look_at(record: LandmarkRecord, panorama: Callable[[], Panorama]) -> Look:
+    """A look at a panorama whose record is known; keypoints are extracted when asked for."""
+    return Look(
+        record.rig,
+        record.proposals,
+        lambda: extract(panorama()),
+        record.spots,
+        record,
+        lambda bearing_rad, half_rad: extract_near(panorama(), bearing_rad, half_rad),
+    )
+
+
+def trusted(a: Look, b: Look, found: Comparison) -> float:
+    """The chance that panoramas were joined rightly, by their claims and the way between them.
+
+    What a ledger says is asked of hundreds: those that look alike by chance seem to be near.
+    """
+    few = min(len(a.proposals), len(b.proposals))
+    chance = chance_joined([common.score for common in found.common], few, found.geometry)
+    way_m = baseline_m(found, a.rig)
+    if way_m is None or chance == 0.0:
+        return chance
+    chance = min(chance, _SUREST)
+    odds = np.exp(_LESS) * (chance / (1 - chance)) ** _STEEP * (way_m / _TYPICAL_M) ** _BY_WAY
+    return float(odds / (1 + odds))
+
+
+def in_robots_frame(look: Look, seen: Observation) -> Look:
+    """A look through one camera, its bearings from the robot's heading."""
+    if seen.view_rad is None:
+        return look
+    turn = seen.view_rad
+    p, spots = look.proposals, look.spots
+    box = p.box + np.array([turn, turn, 0.0, 0.0])
+    proposals = replace(p, box=box, bearing_rad=wrap_angle_rad(p.bearing_rad + turn))
+    spots = replace(spots, bearing_rad=wrap_angle_rad(spots.bearing_rad + turn))
+
+    def features() -> Features:
+        f = look.features
+        return replace(f, bearing_rad=wrap_angle_rad(f.bearing_rad + turn))
+
+    return Look(look.rig, proposals, features, spots)
+
+
+def surface_m(look: Look | LandmarkRecord, index: int) -> float:
+    """How far a proposal's nearest side is: by where it stands on the ground, if that is seen."""
+    p = look.proposals
+    low, middle_m = float(p.box[index, 2]), float(p.range_m[index])
+    if low > -0.03:
+        return middle_m
+    return min(middle_m, look.rig.camera_height_m / -low)

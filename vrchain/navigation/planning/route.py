@@ -1,0 +1,293 @@
+"""Planning: who sees the goal, and by which chain of common landmarks to get there.
+
+The paper's chain R1 -L12- R2 -L23- R3 - goal is a path in the landmark graph of panoramas: the one
+in front of the robot and those that the others have published.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from math import prod
+
+import numpy as np
+
+from vrchain.errors import VRChainError
+from vrchain.geometry import Pose
+from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region
+from vrchain.landmarks.retrieval.index import LandmarkIndex
+from vrchain.navigation.goal.recognition import GoalSight, KnownGoal
+from vrchain.navigation.perception import Look
+from vrchain.navigation.planning.comparisons import Compared
+from vrchain.navigation.planning.graph import Claim, LandmarkGraph, landmark_graph
+from vrchain.navigation.planning.planner import Chain
+from vrchain.navigation.planning.relative_poses import Joins, Pair, baseline_m
+from vrchain.navigation.settings import Published, panorama_name
+from vrchain.panorama import CameraRig
+
+_FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arrive
+_TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
+_LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
+_RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
+_LEAST = 0.005  # chance to get on by a landmark, below which it is none: there are thousands
+_CHECKS = 8  # times a route is drawn up anew after its joins were checked
+_UNLIKELY = 0.5  # trust in a route, below which more is compared
+_BY_ODOMETRY = 0.98  # chance to get from where a robot took a panorama to where it took the next
+
+LandmarkKey = tuple[bytes, bytes, int]
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
+
+    node: the landmark's name in ``LandmarkGraph.name``. chance: that it leads on. trust: that
+    the two panoramas were joined rightly.
+    """
+
+    seen_by: str
+    next_by: str
+    landmark: CommonLandmark
+    key: LandmarkKey  # names the landmark among those that failed
+    node: str
+    chance: float = 1.0
+    trust: float = 1.0
+
+    @property
+    def by_odometry(self) -> bool:
+        """Whether no landmark leads on, but the way that the robot which saw both drove."""
+        return self.landmark.a.bearing_rad is None
+
+
+@dataclass(frozen=True, eq=False)
+class Route:
+    """A chain of legs; from the last landmark on, what ``seen_by`` saw of the goal leads home.
+
+    score: the chance that all its landmarks are right, and got by, one after the other. trust: the
+    chance that it leads to the goal at all: that its panoramas were joined rightly, and show it.
+    """
+
+    legs: tuple[Leg, ...]
+    seen_by: str
+    sighting: GoalSight
+    score: float
+    trust: float = 1.0
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """The robots of the chain, the driving one first."""
+        return (*(leg.seen_by for leg in self.legs), self.seen_by)
+
+    def after(self, passed: int) -> "Route":
+        """The same with so many legs behind the robot, to be compared with others from here."""
+        behind = prod(leg.chance for leg in self.legs[:passed])
+        return replace(self, score=min(1.0, self.score / behind))
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """The best route, or None; the sights of the goal, by the panoramas that show it; the graph.
+
+    spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
+    panorama is gone or is none. published: the panoramas that can be read, by name. looks: what
+    each panorama shows, the robot's own ones too; joins: where they were taken.
+    """
+
+    route: Route | None
+    spares: tuple[Route, ...]
+    graph: LandmarkGraph
+    goal_seen_by: dict[str, GoalSight]
+    unreadable: tuple[str, ...]
+    published: Mapping[str, Published] = field(default_factory=dict)
+    looks: Mapping[str, Look] = field(default_factory=dict)
+    joins: Joins = field(default_factory=lambda: Joins({}))
+
+    @property
+    def digests(self) -> frozenset[bytes]:
+        """Of the others' panoramas that the route leads by."""
+        names = self.route.robots if self.route else ()
+        return frozenset(self.published[name].digest for name in names if name in self.published)
+
+    @property
+    def why_none(self) -> str:
+        """Why there is no route, in plain words; empty if there is one."""
+        if self.route is not None:
+            return ""
+        if not self.published and self.unreadable:
+            return f"no panorama can be read, of {', '.join(self.unreadable)}"
+        if not self.published:
+            return "the ledger holds no panorama of another robot"
+        if not self.goal_seen_by:
+            return "no other robot's panorama shows the goal"
+        names = ", ".join(sorted(self.goal_seen_by))
+        sees = "sees" if len(self.goal_seen_by) == 1 else "see"
+        return f"{names} {sees} the goal, but no chain of common landmarks leads there"
+
+
+def plan(
+    robot: str,
+    current: Look,
+    published: Mapping[str, Published],
+    index: LandmarkIndex[Look],
+    goal: KnownGoal,
+    failed: Set[LandmarkKey] = frozenset(),
+    doubted: Set[bytes] = frozenset(),
+    trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0,
+    lasting: Callable[[Published], float] = lambda seen: 1.0,
+    alike: Callable[[Look, Look], float] = lambda a, b: 0.0,
+    before: Sequence[Look] = (),
+    stood: Sequence[Pose] = (),
+    spares: int = 2,
+) -> Plan:
+    """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
+
+    published: panoramas of others, by name. failed: landmarks not to use again. doubted: digests of
+    panoramas whose sight of the goal is not to be trusted. trust: the chance that two panoramas
+    were joined rightly; it counts for more where others agree, for less where they do not. lasting:
+    the chance that a view has not changed since. alike: how much two look alike, where there are
+    too many to compare them all. before: what the robot saw earlier, latest first, from where its
+    odometry leads back; a route may begin there. stood: where it stood for each look, the current
+    one first. spares: how many more routes.
+    """
+    unreadable = tuple(
+        n for n in sorted(published) if not _readable(index, published[n].digest, current.rig)
+    )
+    known = {name: p for name, p in published.items() if name not in unreadable}
+    own = {panorama_name(robot, k): look for k, look in enumerate((current, *before))}
+    panoramas = Compared(own, known, index, trust, stood)
+    seen = _sights(known, panoramas.looks, goal, doubted)
+    panoramas.compare_likely(alike, set(seen))
+    digests = {**dict.fromkeys(own, b""), **{name: p.digest for name, p in known.items()}}
+
+    def key(claim: Claim) -> LandmarkKey:
+        # seen from b, whose panorama stands still while the driving robot's changes
+        bearing = claim.landmark.b.bearing_rad or 0.0
+        return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5) % 72
+
+    def routes() -> tuple[LandmarkGraph, tuple[Route, ...]]:
+        joins = panoramas.joins()
+        rights = {
+            pair: joins.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
+            for pair in panoramas.found
+        }
+        ways = [tuple(own), *([name for name, _ in trail] for trail in panoramas.trails)]
+        claims = [_by_odometry(a, b) for way in ways for a, b in pairwise(way)]
+        claims += _claims(panoramas.found, rights, current.rig)
+        claims = [claim for claim in claims if key(claim) not in failed]
+        chances = {name: sighting.chance for name, sighting in seen.items()}
+        graph = landmark_graph(panoramas.names, claims, chances)
+        chains = graph.planner.routes(
+            0, {panoramas.names.index(name): chance for name, chance in chances.items()},
+            1 + spares,
+            without_legs=[k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed],
+        )  # fmt: skip
+        return graph, tuple(_route(graph, chain, seen, key, set(own)) for chain in chains)
+
+    graph, found = routes()
+    for _ in range(_CHECKS):
+        legs = found[0].legs if found else ()
+        asked = panoramas.check((leg.seen_by, leg.next_by) for leg in legs)
+        if not asked and (not found or _weighed(found[0], panoramas).trust < _UNLIKELY):
+            asked = panoramas.bridge(set(seen))
+        if not asked:
+            break
+        graph, found = routes()
+    best, spare = (_weighed(found[0], panoramas), found[1:]) if found else (None, ())
+    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.joins())
+
+
+def _weighed(route: Route, panoramas: Compared) -> Route:
+    """A route with the trust in it."""
+    joins = panoramas.joins()
+    legs = [replace(leg, trust=joins.trust((leg.seen_by, leg.next_by))) for leg in route.legs]
+    right = prod(leg.trust for leg in legs)
+    return replace(route, legs=tuple(legs), trust=route.sighting.chance * right)
+
+
+def _sights(
+    known: Mapping[str, Published],
+    looks: Mapping[str, Look],
+    goal: KnownGoal,
+    doubted: Set[bytes],
+) -> dict[str, GoalSight]:
+    """Which panoramas show the goal."""
+    seen: dict[str, GoalSight] = {}
+    for name, p in known.items():
+        sighting = None if p.digest in doubted else goal.find(looks[name])
+        if sighting and sighting.chance >= _LEAST_SIGHT:
+            seen[name] = sighting
+    surest = max((s.chance for s in seen.values()), default=0.0)
+    return {name: s for name, s in seen.items() if s.chance >= _RIVAL * surest}
+
+
+def _claims(
+    found: Mapping[Pair, Comparison], rights: Mapping[Pair, float], rig: CameraRig
+) -> Iterator[Claim]:
+    """What panoramas have in common, with the chance to get on by each."""
+    for (a, b), comparison in found.items():
+        apart_m = baseline_m(comparison, rig) or _TYPICAL_BASELINE_M
+        for common in comparison.common:
+            chance = rights[a, b] * worth(common, apart_m)
+            if chance >= _LEAST:
+                yield Claim(a, b, common, chance)
+
+
+def _by_odometry(a: str, b: str) -> Claim:
+    """Between two panoramas of one robot: what its odometry tells stands in for a landmark."""
+    nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
+    none = np.empty(0, dtype=np.int64)
+    way = CommonLandmark(_BY_ODOMETRY, nowhere, nowhere, none, none)
+    return Claim(a, b, way, _BY_ODOMETRY)
+
+
+def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:
+    """Whether the panorama is there and is one like the robot's own: it may be anything."""
+    try:
+        return index.look(digest).rig == rig
+    except VRChainError:
+        return False
+
+
+def worth(claim: CommonLandmark, baseline_m: float) -> float:
+    """The chance to get on by a common landmark: its score, less for a long way by it.
+
+    baseline_m: the distance between the two robots that have it in common.
+    """
+    if claim.ranges is None:
+        return claim.score
+    return claim.score * float(np.exp(-((sum(claim.ranges) * baseline_m / _FAR_M) ** 2)))
+
+
+def _route(
+    graph: LandmarkGraph,
+    chain: Chain,
+    seen: Mapping[str, GoalSight],
+    key: Callable[[Claim], LandmarkKey],
+    own: Set[str],
+) -> Route:
+    """A chain as a route, which begins at the last of the robot's own panoramas in it.
+
+    Two that are known to see a landmark by way of others are two legs or more, by one landmark.
+    """
+    robots = [graph.robots[i] for i in chain.robots]
+    legs = [
+        _leg(a, b, claim, key(claim), graph.name(landmark))
+        for pair, landmark in zip(pairwise(robots), chain.landmarks, strict=True)
+        for a, b, claim in graph.landmarks[landmark].way(*pair)
+    ]
+    begins = max(k for k, leg in enumerate(legs) if leg.seen_by in own)
+    return Route(tuple(legs[begins:]), robots[-1], seen[robots[-1]], chain.score)
+
+
+def _leg(a: str, b: str, claim: Claim, key: LandmarkKey, node: str) -> Leg:
+    landmark = claim.landmark
+    if (claim.a, claim.b) != (a, b):  # walked against the order of comparison
+        ranges = landmark.ranges[::-1] if landmark.ranges else None
+        landmark = CommonLandmark(
+            landmark.score,
+            landmark.b,
+            landmark.a,
+            landmark.support_b,
+            landmark.support_a,
+            ranges,
+        )
+    return Leg(a, b, landmark, key, node, claim.score)

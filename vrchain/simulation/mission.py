@@ -1,0 +1,192 @@
+"""One mission from a scene file to its end: the team, its ledger, the drive, and the truth."""
+
+import json
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import shapely
+from numpy.typing import NDArray
+
+from vrchain.geometry import Pose
+from vrchain.landmarks.extraction.weights import SHIPPED
+from vrchain.landmarks.retrieval.index import LandmarkIndex
+from vrchain.ledger import Ledger, simulated_key
+from vrchain.ledger.records.encoding import DIGEST_BYTES
+from vrchain.ledger.records.transaction import NO_BLOB
+from vrchain.navigation.goal.recognition import goal_from
+from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.perception import Eyes, Look, learned_eyes
+from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.simulation.simulator import Simulator
+from vrchain.simulation.task import Task, draw_task, goal_pictures, scene_task
+from vrchain.simulation.team import assemble, drive_to_places
+from vrchain.world.model import Scene
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
+
+MARKER = "mission.json"
+SUCCESS_RANGE_M = 3.0
+
+
+@dataclass(frozen=True, eq=False)
+class MissionRun:
+    """A mission as it was driven, and what truth says of it.
+
+    arrived: the robot's own claim. success: it is so. range_m: from the goal's footprint at the
+    end. paths_xy_m: true positions of each robot, (n, 2), at times_s, (n,), by the clock of the
+    decisions.
+    """
+
+    scene: Scene
+    task: Task
+    robot: str
+    result: MissionResult
+    pictures: tuple[Panorama, ...]
+    panoramas: dict[str, Panorama]
+    paths_xy_m: dict[str, NDArray[np.float64]]
+    times_s: NDArray[np.float64]
+    final_pose: Pose
+    success: bool
+    range_m: float
+    collisions: int
+    seconds: float
+    head: str
+
+    def summary(self) -> dict:
+        """The outcome as plain values."""
+        return {
+            "robot": self.robot,
+            "goal": self.task.goal,
+            "arrived": self.result.arrived,
+            "success": self.success,
+            "reason": self.result.reason,
+            "range_m": round(self.range_m, 2),
+            "driven_m": round(_length_m(self.paths_xy_m[self.robot]), 2),
+            "simulated_s": round(self.seconds, 1),
+            "collisions": self.collisions,
+            "chain": list(self.result.plans[-1][1].robots) if self.result.plans else [],
+            "head": self.head,
+        }
+
+    def log(self) -> pd.DataFrame:
+        """The decisions, one row each."""
+        return pd.DataFrame([asdict(d) for d in self.result.decisions])
+
+
+def run(
+    scene: Scene,
+    ledger_folder: Path,
+    *,
+    seed: int = 0,
+    n_robots: int = 3,
+    robot: str = "R1",
+    goal: str | None = None,
+    rig: CameraRig | None = None,
+    config: MissionConfig | None = None,
+    weights: Path = SHIPPED,
+    tell: Callable[[Decision], None] = lambda decision: None,
+) -> MissionRun:
+    """Draw a task, let the team drive and publish, and send ``robot`` to the goal.
+
+    A scene with robots of its own sets the task itself. weights: of the network by whose landmarks
+    they recognise things; LearnedError without torch or weights.
+    """
+    eyes = learned_eyes(weights)
+    rig = rig or CameraRig()
+    truth, renderer = GroundTruth(scene), Renderer(scene)
+    if scene.robots:
+        task = scene_task(scene, truth, seed, n_robots, robot, goal)
+    else:
+        task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
+    simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
+    simulator.truth, simulator.renderer = truth, renderer
+    pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
+    members = {name: simulated_key(seed, name).public for name in task.starts}
+    with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:
+        robots = assemble(simulator, ledger, seed, examine=eyes.record)
+        drive_to_places(simulator, robots, task)
+        started_ns = simulator.clock_ns
+        published, index = published_of(ledger, robot), index_of(ledger, eyes)
+        panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
+        goal_shown = goal_from(pictures, weights)
+        result = run_mission(robot, robots[robot], published, index, goal_shown, eyes, config, tell)
+        head = ledger.head.hash.hex()
+    pose = simulator.pose(robot)
+    at_goal, range_m = is_at(scene, truth, task.goal, pose, rig)
+    return MissionRun(
+        scene,
+        task,
+        robot,
+        result,
+        tuple(pictures),
+        panoramas,
+        {n: simulator.path_xy_m(n) for n in simulator.robots},
+        simulator.times_s,
+        pose,
+        result.arrived and at_goal,
+        range_m,
+        simulator.collisions(robot),
+        (simulator.clock_ns - started_ns) / 1e9,
+        head,
+    )
+
+
+def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:
+    """Asks a ledger for the newest panoramas of each other robot, at most so many.
+
+    R2 is robot R2's newest, R2~1 the one before, and so on.
+    """
+
+    def published() -> dict[str, Published]:
+        return {
+            panorama_name(name, k): Published(t.payload_digest + t.landmarks_digest, t.timestamp_ns)
+            for name in ledger.robots
+            if name != robot
+            for k, t in enumerate(reversed(ledger.history(name)[-most:]))
+        }
+
+    return published
+
+
+def index_of(ledger: Ledger, eyes: Eyes) -> LandmarkIndex[Look]:
+    """An index of what ``published_of`` names: a panorama with the record that its author signed.
+
+    By the panorama alone another member could publish the same one with landmarks of its own.
+    """
+
+    def panorama(published: bytes) -> bytes:
+        return ledger.payload(published[:DIGEST_BYTES])
+
+    def described(published: bytes) -> bytes | None:
+        record = published[DIGEST_BYTES:]
+        return None if record == NO_BLOB else ledger.payload(record)
+
+    return LandmarkIndex(panorama, described, eyes.stored, eyes.compare)
+
+
+def is_at(
+    scene: Scene, truth: GroundTruth, goal: str, pose: Pose, rig: CameraRig
+) -> tuple[bool, float]:
+    """Whether a robot is at the goal, in sight of it, and how far it is from its footprint."""
+    target = scene.index_of(goal)
+    range_m = _range_m(scene, goal, pose)
+    return truth.sees(target, pose, rig) and range_m <= SUCCESS_RANGE_M, range_m
+
+
+def save_log(run: MissionRun, folder: Path) -> None:
+    """Write the outcome (mission.json) and the decisions (decisions.jsonl) into a folder."""
+    (folder / MARKER).write_text(json.dumps(run.summary(), indent=2) + "\n")
+    lines = [json.dumps(asdict(d), sort_keys=True) for d in run.result.decisions]
+    (folder / "decisions.jsonl").write_text("\n".join(lines) + "\n")
+
+
+def _range_m(scene: Scene, goal: str, pose: Pose) -> float:
+    return float(scene.objects[scene.index_of(goal)].footprint.distance(shapely.Point(*pose.xy_m)))
+
+
+def _length_m(path_xy_m: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(np.diff(path_xy_m, axis=0), axis=1).sum())

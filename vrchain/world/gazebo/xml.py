@@ -1,0 +1,142 @@
+"""XML read by expat into plain elements that know their file and line; no entities, no DTD."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.parsers import expat
+
+from vrchain.errors import SpecError
+from vrchain.world.gazebo.limits import MOST_XML_DEPTH, MOST_XML_ELEMENTS
+
+
+@dataclass(eq=False)
+class Element:
+    """An element of a document: its own text without what surrounds it, and its children."""
+
+    tag: str
+    attributes: dict[str, str]
+    file: Path
+    line: int
+    text: str = ""
+    children: list["Element"] = field(default_factory=list)
+
+    def find(self, path: str) -> "Element | None":
+        """The first child by a tag, or a grandchild by tags with / between them."""
+        tag, _, rest = path.partition("/")
+        for child in self.all(tag):
+            found = child.find(rest) if rest else child
+            if found is not None:
+                return found
+        return None
+
+    def all(self, *tags: str) -> Iterator["Element"]:
+        """Every child with one of the tags, in the document's order."""
+        return (child for child in self.children if child.tag in tags)
+
+    def words(self, path: str, default: str = "") -> str:
+        """The text of a child, or ``default`` where there is none."""
+        found = self.find(path)
+        return default if found is None else found.text
+
+    def numbers(self, n: int) -> tuple[float, ...]:
+        """The element's text as ``n`` finite numbers. Raises SpecError."""
+        try:
+            values = tuple(float(word) for word in self.text.split())
+        except ValueError:
+            values = ()
+        if len(values) != n or not all(math.isfinite(v) for v in values):
+            raise self.error(f"expected {n} finite number{'s' * (n > 1)}, got {self.text[:60]!r}")
+        return values
+
+    def number(self, path: str, default: float) -> float:
+        """A child's text as one number."""
+        return self.values(path, (default,))[0]
+
+    def values(self, path: str, default: tuple[float, ...]) -> tuple[float, ...]:
+        """A child's text as so many numbers; ``default`` where there is none or it is empty."""
+        found = self.find(path)
+        return default if found is None or not found.text else found.numbers(len(default))
+
+    def error(self, what: str) -> SpecError:
+        """An error that names the file, the line and the element."""
+        return SpecError(f"{self.file}:{self.line}: <{self.tag}>: {what}")
+
+
+def parse(data: bytes, file: Path) -> Element:
+    """The root element of a document. Raises SpecError, with the line, on anything amiss."""
+    parser = _parser(file)
+    open_: list[Element] = []
+    texts: list[list[str]] = []
+    roots: list[Element] = []
+    count = 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count
+        count += 1
+        if count > MOST_XML_ELEMENTS or len(open_) >= MOST_XML_DEPTH:
+            raise SpecError(
+                f"{file}:{parser.CurrentLineNumber}: expected at most {MOST_XML_ELEMENTS} elements,"
+                f" {MOST_XML_DEPTH} deep: this is more than a world needs"
+            )
+        element = Element(tag, attributes, file, parser.CurrentLineNumber)
+        (open_[-1].children if open_ else roots).append(element)
+        open_.append(element)
+        texts.append([])
+
+    def end(_: str) -> None:
+        open_.pop().text = "".join(texts.pop()).strip()
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    parser.CharacterDataHandler = lambda words: texts[-1].append(words)
+    _run(parser, data, file)
+    return roots[0]
+
+
+def check(data: bytes, file: Path) -> None:
+    """Raise SpecError unless these bytes are XML, without a DTD, that is not nested too deep."""
+    parser = _parser(file)
+    depth = 0
+
+    def start(_: str, __: dict[str, str]) -> None:
+        nonlocal depth
+        depth += 1
+        if depth > MOST_XML_DEPTH:
+            raise SpecError(
+                f"{file}:{parser.CurrentLineNumber}: elements lie deeper than {MOST_XML_DEPTH}"
+            )
+
+    def end(_: str) -> None:
+        nonlocal depth
+        depth -= 1
+
+    parser.StartElementHandler = start
+    parser.EndElementHandler = end
+    _run(parser, data, file)
+
+
+def _parser(file: Path) -> expat.XMLParserType:
+    """A parser that refuses document type declarations: what entities are declared in."""
+    parser = expat.ParserCreate()
+    parser.buffer_text = True
+
+    def refuse(*_: object) -> None:
+        raise SpecError(
+            f"{file}:{parser.CurrentLineNumber}: <!DOCTYPE> and entities are not read: "
+            "take the declaration out of the file"
+        )
+
+    parser.StartDoctypeDeclHandler = refuse
+    parser.EntityDeclHandler = refuse
+    return parser
+
+
+def _run(parser: expat.XMLParserType, data: bytes, file: Path) -> None:
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        reason = expat.errors.messages[error.code]
+        raise SpecError(f"{file}:{error.lineno}: expected XML, got {reason}") from None
+    except (ValueError, LookupError) as error:  # an encoding that Python does not know
+        raise SpecError(f"{file}: expected XML in UTF-8: {error}") from None

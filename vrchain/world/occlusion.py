@@ -1,0 +1,204 @@
+"""What share of the light from a direction gets to a place among the things of a scene.
+
+Things are kept as slabs on a grid of the map: in every cell, from the lowest to the highest of the
+surfaces there. Light is swept down through them, layer by layer, on a plane that slides along the
+rays (half-angle slicing: Kniss et al., IEEE TVCG 9(2), 2003), for all places at once.
+"""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.world.model import SceneObject
+
+# Leaves let some light through: how much a metre of them takes away (1/m, Beer and Lambert).
+_LEAVES_PER_M = {"tree": 0.55, "bush": 1.2, "hedge": 3.0}
+_KINDS = tuple(_LEAVES_PER_M)
+_SOLID_PER_M = 400.0
+_LEAST_M = 0.05  # a thin lid stops light too
+MARGIN_M = 8.0  # of ground around the map
+_HIGHEST_M = 100.0  # what is higher throws no shadow
+_LONG_M = 128.0  # longer triangles are halved, so that what of them lies off the grid is left out
+_BATCH = 1 << 20  # points at a time
+_ROW = 4096  # OpenCV's pictures have to be narrower than 32768
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacles:
+    """Slabs that stop light, all or some of it, on a grid whose row 0 lies south, column 0 west.
+
+    cell: (k,) row * width + column of each slab, leaves before what is solid; bottom_m, top_m: (k,)
+    float32; per_m: (k,) float32, how much a metre takes away, in 1/m.
+    """
+
+    low_m: NDArray[np.float64]  # (x, y) of the grid's corner
+    shape: tuple[int, int]
+    cell_m: float
+    cell: NDArray[np.int64]
+    bottom_m: NDArray[np.float32]
+    top_m: NDArray[np.float32]
+    per_m: NDArray[np.float32]
+
+    def arriving(
+        self, direction: NDArray[np.float64], points_m: NDArray[np.float32]
+    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+        """Shares in 0..1 of the light from a direction that get to points and to the ground.
+
+        direction: (3,) unit vector towards the light, above the horizon; points_m: (n, 3).
+        Returns (n,) and (h, w) float32, the latter a value a cell.
+        """
+        slide = direction[:2] / direction[2]
+        height_m = float(self.top_m.max(initial=0.0))
+        # A layer is so thin that light slides less than a cell: a pole's shadow has no gaps.
+        layer_m = 0.75 * self.cell_m / max(float(np.hypot(*slide)), 0.6)
+        n = max(1, int(np.ceil(height_m / layer_m)))
+        # Rays are told apart by where they meet the ground, which may be off the grid.
+        h, w = self.shape
+        reach = slide * height_m / self.cell_m
+        left, below = np.ceil(np.maximum(reach, 0)).astype(int) + 1
+        right, above = np.ceil(np.maximum(-reach, 0)).astype(int) + 1
+        light = np.ones((h + below + above, w + left + right), dtype=np.float32)
+        ground = (points_m[:, :2] - points_m[:, 2:] * slide - self.low_m) / self.cell_m
+        place = (ground + np.array([left - 0.5, below - 0.5])).astype(np.float32)
+        layer = np.clip(points_m[:, 2] / layer_m, 0, n).astype(np.int64)
+        order = np.argsort(layer, kind="stable")
+        starts = np.searchsorted(layer[order], np.arange(n + 2))
+        shares = np.ones(len(points_m), dtype=np.float32)
+        for k in range(n - 1, -1, -1):
+            here = order[starts[k] : starts[k + 1]]
+            shares[here] = _sampled(light, place[here])
+            low_m, high_m = k * layer_m, (k + 1) * layer_m
+            met = np.flatnonzero((self.bottom_m < high_m) & (self.top_m > low_m))
+            if not len(met):
+                continue
+            inside_m = np.minimum(self.top_m[met], high_m) - np.maximum(self.bottom_m[met], low_m)
+            through = np.ones(self.shape, dtype=np.float32)
+            taken = np.exp(inside_m * self.per_m[met] / np.float32(-direction[2]))
+            through.reshape(-1)[self.cell[met]] = taken
+            shift = (left, below) - slide * (low_m + high_m) / 2 / self.cell_m
+            column, row = np.floor(shift).astype(int)
+            moved = _shifted(through, *(shift - (column, row)))
+            light[row : row + h + 1, column : column + w + 1] *= moved
+        return shares, light[below : below + h, left : left + w]
+
+    def coarser(self) -> "Obstacles":
+        """The same on cells twice as wide."""
+        h, w = (-(-n // 2) for n in self.shape)
+        row, column = np.divmod(self.cell, self.shape[1])
+        kinds, kind = np.unique(self.per_m, return_inverse=True)  # leaves take less, so come first
+        slab, member = np.unique((kind * h + row // 2) * w + column // 2, return_inverse=True)
+        bottom = np.full(len(slab), np.inf, dtype=np.float32)
+        top = np.full_like(bottom, -np.inf)
+        np.minimum.at(bottom, member, self.bottom_m)
+        np.maximum.at(top, member, self.top_m)
+        per_m = kinds[slab // (h * w)]
+        return Obstacles(self.low_m, (h, w), 2 * self.cell_m, slab % (h * w), bottom, top, per_m)
+
+
+def _shifted(grid: NDArray[np.float32], x: float, y: float) -> NDArray[np.float32]:
+    """A grid moved by parts of a cell, 0..1, among ones: one row and one column larger."""
+    h, w = grid.shape
+    matrix = np.array([[1.0, 0.0, x], [0.0, 1.0, y]])
+    size = (w + 1, h + 1)
+    moved = cv2.warpAffine(grid, matrix, size, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0)
+    return np.asarray(moved, dtype=np.float32)
+
+
+def _sampled(grid: NDArray[np.float32], place: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Values at places (n, 2) of (column, row), running evenly between cells: (n,)."""
+    n = len(place)
+    padded = np.zeros((-(-n // _ROW) * _ROW, 2), dtype=np.float32)
+    padded[:n] = place
+    if not n:
+        return padded[:, 0]
+    x, y = (np.ascontiguousarray(padded[:, i].reshape(-1, _ROW)) for i in (0, 1))
+    values = cv2.remap(
+        grid, x, y, cv2.INTER_LINEAR, borderMode=cv2.BORDER_CONSTANT, borderValue=1.0
+    )
+    return np.asarray(values, dtype=np.float32).ravel()[:n]
+
+
+def obstacles(
+    objects: Iterable[SceneObject], extent_m: tuple[float, float], cell_m: float
+) -> Obstacles:
+    """Standing things on a grid of cells ``cell_m`` wide over the map and a little more."""
+    half = np.array(extent_m) / 2 + MARGIN_M
+    h, w = round(2 * half[1] / cell_m), round(2 * half[0] / cell_m)
+    pieces = [(_KINDS.index(o.kind) if o.kind in _KINDS else len(_KINDS), s)
+              for o in objects for s in o.surfaces]  # fmt: skip
+    triangles = np.concatenate(
+        [np.empty((0, 3, 3), np.float32), *(s.vertices_m[s.faces] for _, s in pieces)]
+    )
+    kind = np.repeat([k for k, _ in pieces], [len(s.faces) for _, s in pieces])
+    triangles, kind = _near(triangles, kind, half)
+    bottom = np.full((len(_KINDS) + 1) * h * w, np.inf, dtype=np.float32)
+    top = np.full_like(bottom, -np.inf)
+    for of, points in _strewn(triangles, 0.8 * cell_m):
+        column, row = np.moveaxis(
+            np.floor((points[..., :2] + half) / cell_m).astype(np.int64), -1, 0
+        )
+        cell = (kind[of] * h + np.clip(row, 0, h - 1)) * w + np.clip(column, 0, w - 1)
+        np.minimum.at(bottom, cell.ravel(), points[..., 2].ravel())
+        np.maximum.at(top, cell.ravel(), points[..., 2].ravel())
+    filled = np.flatnonzero(bottom < _HIGHEST_M)
+    top = np.minimum(top, np.float32(_HIGHEST_M))
+    low = np.minimum(bottom[filled], top[filled] - np.float32(_LEAST_M))
+    per_m = np.array([*_LEAVES_PER_M.values(), _SOLID_PER_M], dtype=np.float32)[filled // (h * w)]
+    return Obstacles(-half, (h, w), cell_m, filled % (h * w), low, top[filled], per_m)
+
+
+def is_over(triangles: NDArray[np.floating], half: NDArray[np.float64]) -> NDArray[np.bool_]:
+    """Which triangles (m, 3, 3) may lie over the ground within ``half`` (x, y) of the origin."""
+    low, high = triangles[..., :2].min(axis=1), triangles[..., :2].max(axis=1)
+    return np.asarray(((low <= half) & (high >= -half)).all(axis=1))
+
+
+def _near(
+    triangles: NDArray[np.float32], kind: NDArray[np.int64], half: NDArray[np.float64]
+) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """Triangles (m, 3, 3), and the kinds of each, without what lies off the grid."""
+    near = []
+    while len(triangles):
+        is_near = is_over(triangles, half)
+        triangles, kind = triangles[is_near], kind[is_near]
+        side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+        is_long = side.max(axis=1, initial=0) > _LONG_M
+        near.append((triangles[~is_long], kind[~is_long]))
+        turn = (side[is_long].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        a, b, c = np.moveaxis(np.take_along_axis(triangles[is_long], turn[..., None], axis=1), 1, 0)
+        middle = (a + b) / 2
+        halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
+        triangles, kind = np.concatenate(halves), np.tile(kind[is_long], 2)
+    if not near:
+        return triangles, kind
+    return np.concatenate([t for t, _ in near]), np.concatenate([k for _, k in near])
+
+
+def _strewn(
+    triangles: NDArray[np.floating], step_m: float
+) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float32]]]:
+    """Points on triangles (m, 3, 3), so dense that they skip no square of ``step_m``.
+
+    Yields the numbers (t,) of alike triangles, and (k, t, 3) points, k on each of them, in batches.
+    """
+    side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
+    turn = (side.argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest side comes first
+    corners = np.take_along_axis(triangles, turn[..., None], axis=1).astype(np.float32)
+    a, along, across = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    longest = np.maximum(side.max(axis=1), 1e-6)
+    height = np.maximum(np.linalg.norm(np.cross(along, across), axis=1) / longest, 1e-6)
+    steps = np.ceil(np.column_stack([longest, height]) / step_m).astype(np.int64)
+    steps = np.where(steps > 4, -(-steps // 4) * 4, steps)  # a little denser, in fewer batches
+    batch = steps[:, 0] * (steps[:, 1].max(initial=0) + 1) + steps[:, 1]
+    order = np.argsort(batch, kind="stable")
+    for of in np.split(order, np.flatnonzero(np.diff(batch[order])) + 1):
+        if not len(of):
+            continue
+        n, m = steps[of[0]] + 1
+        u, v = np.meshgrid(np.linspace(0, 1, n, dtype=np.float32), np.linspace(0, 1, m))
+        share = np.stack([u * (1 - v), v], axis=-1).reshape(-1, 2, 1, 1).astype(np.float32)
+        for some in np.array_split(of, -(-len(of) * len(share) // _BATCH)):
+            yield some, a[some] + share[:, 0] * along[some] + share[:, 1] * across[some]
