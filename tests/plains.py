@@ -16,10 +16,10 @@ from vrchain.landmarks.extraction.spots import NO_SPOTS, ONE, Spots
 from vrchain.landmarks.matching.calibration import Calibration
 from vrchain.landmarks.matching.common import Comparison, compare
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.landmarks.retrieval.lookup import Sought
+from vrchain.landmarks.retrieval.lookup import Query
 from vrchain.landmarks.retrieval.recognition import LOWEST_SLOPE, Goal, template_around
 from vrchain.navigation.goal.recognition import GoalPictures
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Published, age_of
 from vrchain.panorama import CameraRig
 from vrchain.robot import Drive, Observation, beams_rad
@@ -143,7 +143,7 @@ class Plain:
             _, slope, code = alone.spots(pose)
             spots.append(code.astype(np.float32) / np.float32(ONE))
             height_m.append(slope * pose.distance_to_m(thing.xy_m))
-        shown = Sought(embedding(name)[None], np.concatenate(spots), np.concatenate(height_m), ())
+        shown = Query(embedding(name)[None], np.concatenate(spots), np.concatenate(height_m), ())
         goal = Goal(tuple(made))
         return GoalPictures(shown, goal, CALIBRATION, (8.0,) * len(goal.templates))
 
@@ -173,7 +173,7 @@ def _stored(panorama: bytes, landmarks: bytes | None) -> Look:
     raise AssertionError("a plain's panoramas are no bytes")
 
 
-EYES = Eyes(lambda seen: seen.panorama.look, _stored, compared, CALIBRATION)  # type: ignore[union-attr]
+PERCEPTION = Perception(lambda seen: seen.panorama.look, _stored, compared, CALIBRATION)  # type: ignore[union-attr]
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 from plains import (
     CALIBRATION,
-    EYES,
     GOAL_XY,
     HOME,
+    PERCEPTION,
     TEAM,
     Plain,
     PlainIndex,
@@ -26,12 +26,12 @@ from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.landmarks.retrieval.lookup import sought
 from vrchain.landmarks.retrieval.recognition import Goal
-from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.arrival import Arrival
 from vrchain.navigation.goal.recognition import GoalPictures, GoalSight
 from vrchain.navigation.mission import MissionResult, _is_idle, _Mission, run_mission
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.graph import landmark_graph
 from vrchain.navigation.planning.route import Leg, Plan, Route
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name, robot_of
@@ -55,13 +55,13 @@ def drive(
     index: PlainIndex | None = None,
     shut_in: bool = False,
     told: list[Decision] | None = None,
-    eyes: Eyes = EYES,
+    perception: Perception = PERCEPTION,
 ) -> tuple[MissionResult, Walker]:
     body = Walker(plain, start, shut_in)
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
     tell = (lambda d: None) if told is None else told.append
-    return run_mission("R1", body, index.published, index, goal, eyes, config, tell), body
+    return run_mission("R1", body, index.published, index, goal, perception, config, tell), body
 
 
 def words(result: MissionResult) -> list[str]:
@@ -316,7 +316,7 @@ def test_on_a_long_way_to_the_goal_the_ledger_is_asked_anew() -> None:
         return index.published()
 
     body, goal = Walker(plain, HOME), plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    result = run_mission("R1", body, published, index, goal, EYES, QUICK)
+    result = run_mission("R1", body, published, index, goal, PERCEPTION, QUICK)
     assert result.arrived and body.pose.distance_to_m((60.0, 8.0)) < 3.0
     on_the_way = [x_m for x_m in asked_at_m if 10.0 < x_m < 45.0]
     assert len(on_the_way) >= 2 and max(np.diff([0.0, *on_the_way, 45.0])) < 14.0
@@ -334,8 +334,8 @@ def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(trust: float, why: 
     then, now = street(), Plain(street().things[1:])
     index = PlainIndex(then, {**TEAM, "R3": Pose(9.0, 5.5, 1.0)})
     goal = then.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    eyes = replace(EYES, trust=lambda a, b, found: trust)
-    result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT, eyes=eyes)
+    perception = replace(PERCEPTION, trust=lambda a, b, found: trust)
+    result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT, perception=perception)
     check_log(result, PATIENT)
     assert not result.arrived
     assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
@@ -409,7 +409,7 @@ def test_a_failing_listener_is_not_swallowed() -> None:
             index.published,
             index,
             plain.goal("goal", 3.9),
-            EYES,
+            PERCEPTION,
             QUICK,
             tell,
         )
@@ -501,8 +501,8 @@ def test_a_leg_that_is_cut_off_makes_what_is_left_no_surer(
 
     monkeypatch.setattr(_Mission, "regard", noted)
     start, goal = Pose(-4.0, -1.0, 1.0), avenue().goal("goal", 3.0, 2.0, -2.0)
-    eyes = replace(EYES, trust=lambda a, b, found: 0.9)
-    result, body = drive(avenue(), {}, start=start, goal=goal, index=index, eyes=eyes)
+    perception = replace(PERCEPTION, trust=lambda a, b, found: 0.9)
+    result, body = drive(avenue(), {}, start=start, goal=goal, index=index, perception=perception)
     assert result.arrived and max(y_m for _, y_m in body.path) < 20.0
     scores = {score for n_plans, score in left if n_plans == 1}
     assert scores == {result.plans[0][1].score} and len(result.plans[0][1].legs) == 5
@@ -520,7 +520,7 @@ def test_a_long_way_round_is_followed_only_to_make_sure(
     seen = Region(0, (0.0, 0.0, 0.0, 0.0), None if by_odometry else 0.1, None)
     common = CommonLandmark(0.9, seen, seen, np.empty(0, int), np.empty(0, int))
     leg = Leg("R2", "R3", common, (b"", b"", 0), "L", trust=trust)
-    aside, goal = (Place(np.array(xy_m), np.eye(2)) for xy_m in ((10.0, round_m), (40.0, 0.0)))
+    aside, goal = (Estimate(np.array(xy_m), np.eye(2)) for xy_m in ((10.0, round_m), (40.0, 0.0)))
     assert _is_idle(aside, [goal], Pose(0.0, 0.0), leg) == idle
 
 
@@ -580,7 +580,9 @@ def test_a_better_route_seen_on_the_way_to_a_lookout_is_followed(
     found = better if seen == "a better plan" else seen
     monkeypatch.setattr(ours, "approach", lambda *asked: found)
     monkeypatch.setattr(ours, "follow", lambda plan: followed.append(plan) or True)
-    lookout = Tracker.of_place("where R2 looked around", Place(np.zeros(2), np.eye(2)), CALIBRATION)
+    lookout = Tracker.of_place(
+        "where R2 looked around", Estimate(np.zeros(2), np.eye(2)), CALIBRATION
+    )
     route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5, trust)
     assert ours.from_lookout(lookout, route) == leads
     assert followed == [better] * leads

@@ -70,11 +70,11 @@ def test_nobody_tells_what_is_in_the_panorama_of_another(tmp_path: Path) -> None
     """R2 publishes what R3 did, with landmarks of its own: R3's panorama keeps R3's."""
     keys = {name: simulated_key(1, name) for name in ("R1", "R2", "R3")}
     members = {name: key.public for name, key in keys.items()}
-    eyes = cast(Any, SimpleNamespace(stored=lambda *what: what, compare=None))
+    perception = cast(Any, SimpleNamespace(stored=lambda *what: what, compare=None))
     with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
         for name, record in (("R3", b"honest"), ("R2", b"lie"), ("R1", None)):
             ledger.publish(name, keys[name], b"panorama", "start", 1, landmarks=record)
-        known, index = published_of(ledger, "R4")(), index_of(ledger, eyes)
+        known, index = published_of(ledger, "R4")(), index_of(ledger, perception)
         shown = {name: index.look(p.digest) for name, p in known.items()}
     assert shown == {"R1": (b"panorama", None), "R2": (b"panorama", b"lie"),
                      "R3": (b"panorama", b"honest")}  # fmt: skip

@@ -18,7 +18,7 @@ from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.ledger import Ledger, verify
 from vrchain.navigation.goal.recognition import goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.perception import learned_eyes
+from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
@@ -163,14 +163,16 @@ def drive_from(
     simulator = Simulator(scene, {"R1": place(start)}, seed=3, rig=RIG)
     renderer = simulator.renderer
     blobs = {b"R2": renderer.render(place(Pose(0.0, 6.0, 2.0)), RIG).encode()}
-    eyes = learned_eyes()
+    perception = learned_perception()
     result = run_mission(
         "R1",
         worlds.Body(simulator),
         lambda: {"R2": Published(b"R2")},
-        LandmarkIndex(blobs.__getitem__, lambda digest: None, eyes.stored, eyes.compare),
+        LandmarkIndex(
+            blobs.__getitem__, lambda digest: None, perception.stored, perception.compare
+        ),
         goal_from([renderer.render(place(p), SINGLE) for p in SEEN_FROM]),
-        eyes,
+        perception,
         MissionConfig(limit_s=limit_s),
     )
     return result, simulator.pose("R1")

@@ -14,16 +14,16 @@ import numpy as np
 from vrchain.geometry import Pose
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.driving.drive import Array, Pilot
-from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.exploring import Explorer
 from vrchain.navigation.driving.targets import targets
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.arrival import NEAR_M, Arrival
-from vrchain.navigation.goal.candidates import Suspect
+from vrchain.navigation.goal.candidates import Candidate
 from vrchain.navigation.goal.place import GoalPlace, PlaceArrival
 from vrchain.navigation.goal.recognition import FoundOnce, KnownGoal
-from vrchain.navigation.goal.rejections import SAME_M, Doubts, Driven
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.goal.rejections import SAME_M, Driven, Rejections
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.relative_poses import SURE
 from vrchain.navigation.planning.route import LandmarkKey, Leg, Plan, Route, plan
 from vrchain.navigation.settings import (
@@ -71,7 +71,7 @@ def run_mission(
     published: Callable[[], Mapping[str, Published]],
     index: LandmarkIndex[Look],
     goal: KnownGoal,
-    eyes: Eyes,
+    perception: Perception,
     config: MissionConfig | None = None,
     tell: Callable[[Decision], None] = lambda decision: None,
 ) -> MissionResult:
@@ -81,7 +81,7 @@ def run_mission(
     its newest, or older ones too.
     tell: is given each decision as it is made.
     """
-    pilot = Pilot(body, eyes, config or MissionConfig())
+    pilot = Pilot(body, perception, config or MissionConfig())
     mission = _Mission(robot, pilot, published, index, goal, tell)
     try:
         mission.run()
@@ -94,7 +94,7 @@ def run_mission(
     )
 
 
-def _is_idle(place: Place, later: Sequence[Place], here: Pose, leg: Leg) -> bool:
+def _is_idle(place: Estimate, later: Sequence[Estimate], here: Pose, leg: Leg) -> bool:
     """Whether the way to a place is for nothing: what comes later is nearer, or far nearer so."""
     sure = leg.by_odometry or leg.trust >= SURE
     way_m, last = place.range_m(here), place
@@ -126,7 +126,7 @@ class _Mission:
         self._alike: dict[tuple[int, int], tuple[float, Look, Look]] = {}
         self.reached: dict[LandmarkKey, Pose] = {}  # and from where, last
         self.driven: Driven | None = None
-        self.doubts = Doubts(pilot.eyes, index, self.log)
+        self.rejections = Rejections(pilot.perception, index, self.log)
         self.arrival = (
             PlaceArrival(pilot, goal, self.log)
             if isinstance(goal, GoalPlace)
@@ -147,14 +147,14 @@ class _Mission:
                 break
             look = self.look()
             self.arrival.note(look)
-            suspect = self.arrival.likeliest
-            if suspect is not None and suspect.chance >= self.config.likely:
-                if self.arrival.drive_to(suspect):
+            candidate = self.arrival.likeliest
+            if candidate is not None and candidate.chance >= self.config.likely:
+                if self.arrival.drive_to(candidate):
                     return
                 continue
             found = self.plan(look)
             least = self.config.least_trust * _PATIENCE**fruitless
-            least = least if suspect is None else suspect.chance
+            least = least if candidate is None else candidate.chance
             if found.route is not None and found.route.trust >= least:
                 before = self.pilot.here
                 if self.follow(found):
@@ -162,8 +162,8 @@ class _Mission:
                 if before.distance_to_m(self.pilot.here.xy_m) > _MOVED_M:
                     fruitless = 0
                 self.log("plan again", "the goal was not reached this way")
-            elif suspect is not None:
-                if self.arrival.drive_to(suspect):
+            elif candidate is not None:
+                if self.arrival.drive_to(candidate):
                     return
             else:
                 why = found.why_none or "the best chain is too unsure to be worth driving"
@@ -188,8 +188,8 @@ class _Mission:
         self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
         latest = self.own[:_OWN]
         return plan(
-            self.robot, look, published, self.index, self.goal, self.failed, self.doubts.sights,
-            self.doubts.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
+            self.robot, look, published, self.index, self.goal, self.failed, self.rejections.sights,
+            self.rejections.trust, self.lasting, self.alike, [seen for _, seen, _ in latest[1:]],
             [stood for stood, _, _ in latest], spares=0,
         )  # fmt: skip
 
@@ -197,7 +197,7 @@ class _Mission:
         """From where others, as far as that is sure, did not see the goal."""
         own = {panorama_name(self.robot, k): stood for k, (stood, _, _) in enumerate(self.own)}
         return [
-            pose.xy_m for name, pose in found.joins.reached(own).items()
+            pose.xy_m for name, pose in found.poses.reached(own).items()
             if name in found.published and name not in found.goal_seen_by
         ]  # fmt: skip
 
@@ -205,7 +205,7 @@ class _Mission:
         """Asked of the same two again and again."""
         key = id(a), id(b)
         if key not in self._alike:
-            self._alike[key] = self.pilot.eyes.alike(a, b), a, b  # kept: so are their ids
+            self._alike[key] = self.pilot.perception.alike(a, b), a, b  # kept: so are their ids
         return self._alike[key][0]
 
     def lasting(self, seen: Published) -> float:
@@ -235,13 +235,21 @@ class _Mission:
         self.driven = driven = Driven(route, found, begin)
         looks = [found.looks[name] for name in names]
         trackers, goal, lookout = targets(
-            route, looks, found.joins, found.goal_seen_by, begin, pilot.here, pilot.eyes.calibration
+            route,
+            looks,
+            found.poses,
+            found.goal_seen_by,
+            begin,
+            pilot.here,
+            pilot.perception.calibration,
         )
-        if goal is not None and (self.arrival.was_mistaken(goal) or self.doubts.was_in_vain(goal)):
+        if goal is not None and (
+            self.arrival.was_mistaken(goal) or self.rejections.was_in_vain(goal)
+        ):
             self.log(
                 "doubt", f"no goal is where {route.seen_by} should see it, as was found before"
             )
-            self.doubts.blame(driven)
+            self.rejections.blame(driven)
             return False
         passed = 0  # legs behind the robot, if it drove any of them
         for k, (leg, tracker) in enumerate(zip(route.legs, trackers, strict=False), 1):
@@ -264,14 +272,14 @@ class _Mission:
             passed = k
         if len(trackers) < len(route.legs) or goal is None:
             if not passed:  # or else from here it will see more
-                stand = found.joins.stand
+                stand = found.poses.between
                 unknown = (leg for leg in route.legs if stand(leg.seen_by, leg.next_by) is None)
                 lost = next(unknown, route.legs[-1])
                 self.log("lost", f"nothing tells how far {lost.next_by} is from {lost.seen_by}")
                 self.failed.add(lost.key)
             return False
         if goal.range_m(pilot.here) > NEAR_M:
-            far = Tracker.of_place("where the goal should be", goal, pilot.eyes.calibration)
+            far = Tracker.of_place("where the goal should be", goal, pilot.perception.calibration)
             ended = self.lead("approach", far, route, passed, NEAR_M)
             if not isinstance(ended, str):
                 return self.turn_to(ended)
@@ -284,15 +292,15 @@ class _Mission:
         if not tried and self.arrival.is_blocked(goal):
             return False  # the route was right
         shown = self.arrival.was_mistaken(goal) or goal.range_m(pilot.here) < NEAR_M
-        refuted = len(self.doubts.refuted)
+        refuted = len(self.rejections.refuted)
         if self.from_lookout(lookout, route.after(len(route.legs))):
             return True
-        if len(self.doubts.refuted) > refuted:
+        if len(self.rejections.refuted) > refuted:
             return False
         if not shown:
             self.failed.add(route.legs[-1].key)
             return False
-        self.doubts.found_nothing(goal, driven)
+        self.rejections.found_nothing(goal, driven)
         return False
 
     def was_reached(self, leg: Leg) -> bool:
@@ -300,16 +308,16 @@ class _Mission:
         stood = self.reached.get(leg.key)
         return stood is not None and stood.distance_to_m(self.pilot.here.xy_m) < _REACHED_M
 
-    def turn_to(self, seen: Suspect | Plan) -> bool:
+    def turn_to(self, seen: Candidate | Plan) -> bool:
         """To what came into view instead; True if it leads to the goal."""
-        return self.arrival.drive_to(seen) if isinstance(seen, Suspect) else self.follow(seen)
+        return self.arrival.drive_to(seen) if isinstance(seen, Candidate) else self.follow(seen)
 
-    def regard(self, look: Look, route: Route) -> "Suspect | Plan | str | None":
+    def regard(self, look: Look, route: Route) -> "Candidate | Plan | str | None":
         """What a look on the way tells: what may be the goal, a better route, or a wrong one."""
-        suspect = self.arrival.note(look)
-        if suspect is not None and suspect.chance >= self.config.likely:
-            return suspect
-        if self.driven and self.doubts.is_elsewhere(look, self.pilot.here, self.driven):
+        candidate = self.arrival.note(look)
+        if candidate is not None and candidate.chance >= self.config.likely:
+            return candidate
+        if self.driven and self.rejections.is_elsewhere(look, self.pilot.here, self.driven):
             return _ELSEWHERE
         again = self.plan(look)
         if again.route is None:
@@ -322,15 +330,15 @@ class _Mission:
             return None
         return again
 
-    def home(self, place: Place, route: Route) -> bool:
+    def home(self, place: Estimate, route: Route) -> bool:
         """From the last landmark to where the goal should be."""
-        suspect = self.arrival.note(self.pilot.look_around())
-        if suspect is not None and suspect.chance >= self.config.likely:
-            if self.arrival.drive_to(suspect):
+        candidate = self.arrival.note(self.pilot.look_around())
+        if candidate is not None and candidate.chance >= self.config.likely:
+            if self.arrival.drive_to(candidate):
                 return True
-            if np.hypot(*(suspect.place.xy_m - place.xy_m)) < SAME_M:
+            if np.hypot(*(candidate.place.xy_m - place.xy_m)) < SAME_M:
                 return False
-        return self.arrival.drive_to(Suspect(place, route.trust))
+        return self.arrival.drive_to(Candidate(place, route.trust))
 
     def from_lookout(self, lookout: Tracker | None, route: Route) -> bool:
         """The goal is not where it should be: look for it from where it was surely seen."""
@@ -344,7 +352,7 @@ class _Mission:
 
     def lead(
         self, what: str, tracker: Tracker, route: Route, passed: int, within_m: float
-    ) -> "str | Suspect | Plan":
+    ) -> "str | Candidate | Plan":
         """Approach what a route leads to; after a leg with a look around: more is known now."""
         left = route.after(passed)
         seen = self.regard(self.pilot.look_around(), left) if passed else None
@@ -358,7 +366,7 @@ class _Mission:
         )  # fmt: skip
         return self.approach(tracker, left, within_m)
 
-    def approach(self, tracker: Tracker, route: Route, within_m: float) -> "str | Suspect | Plan":
+    def approach(self, tracker: Tracker, route: Route, within_m: float) -> "str | Candidate | Plan":
         """Drive to a landmark or place: how that ended, or what came into view.
 
         "near", which is within so many metres, "lost", "blocked", or "elsewhere" if the route is

@@ -59,7 +59,7 @@ class Look:
 
 
 @dataclass(frozen=True, eq=False)
-class Eyes:
+class Perception:
     """examine: what a robot makes of an observation with a panorama or a view.
 
     stored: what it makes of a panorama's bytes and of the record published with it, or None.
@@ -94,7 +94,7 @@ class Eyes:
         return record
 
 
-def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eyes:
+def learned_perception(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Perception:
     """Eyes by the network and by SIFT; LearnedError without torch or weights."""
     calibration = load_calibration(weights)
     last: list[tuple[Panorama, Look]] = []  # what is published was just looked at
@@ -119,7 +119,7 @@ def learned_eyes(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Eye
         assert a.record is not None and b.record is not None, "only whole panoramas are compared"
         return compare_joint(a.record, b.record, config, calibration)
 
-    return Eyes(look, stored, compare, calibration, trusted)
+    return Perception(look, stored, compare, calibration, trusted)
 
 
 def look_at(record: LandmarkRecord, panorama: Callable[[], Panorama]) -> Look:

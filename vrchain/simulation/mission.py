@@ -18,7 +18,7 @@ from vrchain.ledger.records.encoding import DIGEST_BYTES
 from vrchain.ledger.records.transaction import NO_BLOB
 from vrchain.navigation.goal.recognition import goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.perception import Eyes, Look, learned_eyes
+from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.simulation.simulator import Simulator
@@ -95,7 +95,7 @@ def run(
     A scene with robots of its own sets the task itself. weights: of the network by whose landmarks
     they recognise things; LearnedError without torch or weights.
     """
-    eyes = learned_eyes(weights)
+    perception = learned_perception(weights)
     rig = rig or CameraRig()
     truth, renderer = GroundTruth(scene), Renderer(scene)
     if scene.robots:
@@ -107,13 +107,15 @@ def run(
     pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
     members = {name: simulated_key(seed, name).public for name in task.starts}
     with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:
-        robots = assemble(simulator, ledger, seed, examine=eyes.record)
+        robots = assemble(simulator, ledger, seed, examine=perception.record)
         drive_to_places(simulator, robots, task)
         started_ns = simulator.clock_ns
-        published, index = published_of(ledger, robot), index_of(ledger, eyes)
+        published, index = published_of(ledger, robot), index_of(ledger, perception)
         panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
         goal_shown = goal_from(pictures, weights)
-        result = run_mission(robot, robots[robot], published, index, goal_shown, eyes, config, tell)
+        result = run_mission(
+            robot, robots[robot], published, index, goal_shown, perception, config, tell
+        )
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)
     at_goal, range_m = is_at(scene, truth, task.goal, pose, rig)
@@ -152,7 +154,7 @@ def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict
     return published
 
 
-def index_of(ledger: Ledger, eyes: Eyes) -> LandmarkIndex[Look]:
+def index_of(ledger: Ledger, perception: Perception) -> LandmarkIndex[Look]:
     """An index of what ``published_of`` names: a panorama with the record that its author signed.
 
     By the panorama alone another member could publish the same one with landmarks of its own.
@@ -165,7 +167,7 @@ def index_of(ledger: Ledger, eyes: Eyes) -> LandmarkIndex[Look]:
         record = published[DIGEST_BYTES:]
         return None if record == NO_BLOB else ledger.payload(record)
 
-    return LandmarkIndex(panorama, described, eyes.stored, eyes.compare)
+    return LandmarkIndex(panorama, described, perception.stored, perception.compare)
 
 
 def is_at(

@@ -22,7 +22,7 @@ from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.extraction.sift import NO_FEATURES
 from vrchain.landmarks.matching.common import Comparison
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import MissionConfig
 from vrchain.simulation.simulator import Simulator
 from vrchain.world.model import Scene
@@ -83,11 +83,13 @@ def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
     assert (table.collisions == 0).all()
 
 
-def blind(*weights: Path) -> Eyes:
+def blind(*weights: Path) -> Perception:
     """Eyes that see nothing."""
     record = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
     look = Look(RIG, nothing(), lambda: NO_FEATURES, record=record)
-    return Eyes(lambda s: look, lambda *s: look, lambda a, b: Comparison((), None), CALIBRATION)
+    return Perception(
+        lambda s: look, lambda *s: look, lambda a, b: Comparison((), None), CALIBRATION
+    )
 
 
 def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(

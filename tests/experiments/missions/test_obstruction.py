@@ -3,7 +3,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 import worlds
-from plains import EYES
+from plains import PERCEPTION
 
 from vrchain.experiments.missions.obstruction import ROW_M, Barred
 from vrchain.geometry import Pose
@@ -46,7 +46,7 @@ def test_what_is_barred_is_driven_round_and_not_through() -> None:
     simulator = alone()
     Barred(simulator, "R1", 1.0, seed=1).tell(leg())
     row = parked(simulator)
-    pilot = Pilot(worlds.Body(simulator), EYES, MissionConfig(limit_s=120.0))
+    pilot = Pilot(worlds.Body(simulator), PERCEPTION, MissionConfig(limit_s=120.0))
     pilot.stretch(np.array([10.0, 0.0]), 0.5, 40.0)  # by odometry: where the leg ends
     assert simulator.pose("R1").distance_to_m((4.0, 0.0)) < 1.5
     assert simulator.collisions("R1") == 0

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import worlds
-from plains import EYES, Plain, Walker
+from plains import PERCEPTION, Plain, Walker
 
 from vrchain.geometry import Pose
 from vrchain.navigation.driving.drive import Pilot, nearest_of_surface_m, range_along_m
@@ -15,7 +15,7 @@ from vrchain.simulation.simulator import Simulator
 def pilot(shut_in: bool = False, **config: float) -> Pilot:
     """A robot on open ground, its back to where it is going."""
     walker = Walker(Plain(()), Pose(0.0, 0.0, np.pi), shut_in)
-    return Pilot(walker, EYES, MissionConfig(**config))  # type: ignore[arg-type]
+    return Pilot(walker, PERCEPTION, MissionConfig(**config))  # type: ignore[arg-type]
 
 
 def there(x_m: float) -> np.ndarray:
@@ -51,7 +51,7 @@ def test_who_drives_gives_way_to_who_comes_from_the_side(
     """Steering alone, which minds what is ahead, drives into the other."""
     start = {"R1": Pose(0, 0, 0.0), "R2": Pose(ahead_m, 1.4 * side, -turned_rad * side)}
     simulator = Simulator(worlds.world(), start, seed=1)
-    ours = Pilot(Crossed(simulator), EYES, MissionConfig())
+    ours = Pilot(Crossed(simulator), PERCEPTION, MissionConfig())
     assert ours.stretch(np.array([9.0, 0.0]), 1.0, 6.0) is not None
     assert simulator.collisions("R1") == 0
     assert simulator.pose("R1").x_m > 5.0
@@ -68,7 +68,7 @@ class Swaying(Walker):
 
 def test_who_goes_back_and_forth_is_stuck_too_and_may_try_again() -> None:
     body = Swaying(Plain(()), Pose(0.0, 0.0, np.pi))
-    ours = Pilot(body, EYES, MissionConfig())  # type: ignore[arg-type]
+    ours = Pilot(body, PERCEPTION, MissionConfig())  # type: ignore[arg-type]
     assert ours.stretch(there(45.0), 1.0, 40.0) is None
     first_s = ours.now.time_ns / 1e9
     assert 40.0 <= first_s <= 45.0

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from vrchain.geometry import Pose
-from vrchain.navigation.driving.estimates import Place, sighted
+from vrchain.navigation.driving.estimates import Estimate, sighted
 
 
 def test_a_sight_lies_along_its_bearing() -> None:
@@ -27,7 +27,7 @@ def test_two_sights_from_the_side_fix_a_place() -> None:
 
 
 def test_driving_makes_a_belief_less_sure_and_moves_nothing() -> None:
-    place = Place(np.array([1.0, 2.0]), np.eye(2))
+    place = Estimate(np.array([1.0, 2.0]), np.eye(2))
     later = place.after(10.0)
     assert np.array_equal(later.xy_m, place.xy_m) and later.std_m > place.std_m
     assert place.unsure(0.0).std_m == pytest.approx(place.std_m)

@@ -1,6 +1,6 @@
 import numpy as np
 import pytest
-from plains import EYES, Plain, Thing, Walker
+from plains import PERCEPTION, Plain, Thing, Walker
 
 from vrchain.geometry import Pose
 from vrchain.navigation.driving.drive import Pilot
@@ -12,7 +12,7 @@ POST = Plain((Thing("post", (500.0, 0.0)),))
 
 def explored(n: int, config: MissionConfig, shut_in: bool = False) -> tuple[Pilot, list[str]]:
     """Looks, n of them, each after a stretch of exploring; and what was logged."""
-    pilot, told = Pilot(Walker(POST, Pose(0.0, 0.0, 0.4), shut_in), EYES, config), []
+    pilot, told = Pilot(Walker(POST, Pose(0.0, 0.0, 0.4), shut_in), PERCEPTION, config), []
     explorer = Explorer(pilot, lambda what, why, look=None, **values: told.append(what))
     for _ in range(n):
         pilot.look_around()
@@ -50,7 +50,7 @@ def test_where_others_have_looked_it_goes_last() -> None:
     rings = [r * np.array([np.cos(a), np.sin(a)]) for r in (20.0, 40.0, 60.0, 80.0) for a in angle]
     went = {}
     for name, others in {"alone": [], "ahead": ahead, "everywhere": rings}.items():
-        pilot = Pilot(Walker(POST, Pose(0.0, 0.0)), EYES, config)
+        pilot = Pilot(Walker(POST, Pose(0.0, 0.0)), PERCEPTION, config)
         explorer = Explorer(pilot, lambda what, why, look=None, **values: None)
         pilot.look_around()
         explorer.drive_on(others)
@@ -64,7 +64,7 @@ def test_where_others_have_looked_it_goes_last() -> None:
 def test_it_goes_where_more_stands_that_it_saw_from_afar_only(side: float) -> None:
     """Beside the way that it would take otherwise, things can be seen far off on one side."""
     things = tuple(Thing(f"{x}", (float(x), side * 30.0)) for x in (-12, 0, 12))
-    pilot = Pilot(Walker(Plain(things), Pose(0.0, 0.0)), EYES, MissionConfig())
+    pilot = Pilot(Walker(Plain(things), Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
     pilot.look_around()
     assert len(pilot.standing[0]) == 3
     assert pilot.standing[0] == pytest.approx(np.array([t.xy_m for t in things]), abs=6.0)

@@ -3,7 +3,7 @@ import pytest
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, placed, wrap_angle_rad
-from vrchain.navigation.driving.obstacles import Ways
+from vrchain.navigation.driving.obstacles import ObstacleMap
 from vrchain.navigation.settings import GaveUp
 from vrchain.robot import beams_rad, steer
 
@@ -21,21 +21,21 @@ def ring_before(x_m: float, y_m: tuple[float, float]) -> NDArray[np.float64]:
 
 
 def test_the_unknown_is_taken_for_free() -> None:
-    ways = Ways()
+    ways = ObstacleMap()
     assert ways.course_rad(HERE, np.array([20.0, 20.0]), 1.0) == pytest.approx(np.pi / 4, abs=0.1)
     way = ways.way_m(HERE, np.array([20.0, 0.0]), 1.0)
     assert np.hypot(*(way[-1] - [20.0, 0.0])) <= 1.0 and np.hypot(*way[0]) < 0.5
 
 
 def test_a_way_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
-    ways = Ways()
+    ways = ObstacleMap()
     ways.note(HERE, ring_before(3.0, (-6.0, 2.0)))
     way = ways.way_m(HERE, np.array([8.0, 0.0]), 1.0)
     assert np.hypot(*(way[-1] - [8.0, 0.0])) <= 1.0
     crossing = way[np.abs(way[:, 0] - 3.0).argmin()]
     assert crossing[1] > 2.3  # room for the robot
     assert ways.course_rad(HERE, np.array([8.0, 0.0]), 1.0) > 0.2
-    straight, around = Ways().lengths_m(HERE, np.array([[8.0, 0.0]])), ways.lengths_m(
+    straight, around = ObstacleMap().lengths_m(HERE, np.array([[8.0, 0.0]])), ways.lengths_m(
         HERE, np.array([[8.0, 0.0]])
     )  # fmt: skip
     assert around[0] > straight[0] + 0.5
@@ -43,7 +43,7 @@ def test_a_way_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
 
 def test_what_is_gone_is_forgotten_when_a_beam_goes_through_or_long_after() -> None:
     target = np.array([6.0, 0.0])
-    ways = Ways()
+    ways = ObstacleMap()
     ways.note(HERE, ring_before(2.0, (-4.0, 4.0)))
     assert abs(ways.course_rad(HERE, target, 1.0)) > 0.5
     ways.note(HERE, np.full(72, 8.0))
@@ -55,7 +55,7 @@ def test_what_is_gone_is_forgotten_when_a_beam_goes_through_or_long_after() -> N
 
 
 def test_shut_in_the_way_ends_before_what_shuts_in() -> None:
-    ways = Ways()
+    ways = ObstacleMap()
     ways.note(HERE, np.full(72, 1.2))
     assert len(ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)) >= 1
     nearest = ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)[-1]
@@ -64,26 +64,26 @@ def test_shut_in_the_way_ends_before_what_shuts_in() -> None:
 
 
 def test_arrived_there_is_nothing_left_to_drive() -> None:
-    assert Ways().course_rad(HERE, np.array([0.5, 0.0]), 1.0) is None
+    assert ObstacleMap().course_rad(HERE, np.array([0.5, 0.0]), 1.0) is None
 
 
 def test_out_of_a_nook_there_is_a_way() -> None:
     """A wall that is nearer than ways may come to one."""
-    ways = Ways()
+    ways = ObstacleMap()
     ways.note(HERE, ring_before(0.42, (-3.0, 3.0)))
     way = ways.way_m(HERE, np.array([-10.0, 0.0]), 1.0)
     assert np.hypot(*(way[-1] - [-10.0, 0.0])) <= 1.0
 
 
 def test_where_there_was_no_headway_something_is_taken_to_be() -> None:
-    ways = Ways()
+    ways = ObstacleMap()
     ways.block(HERE, 0.0)
     assert abs(ways.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
 
 
 def test_what_the_ring_sees_through_is_no_way_until_the_robot_has_been_elsewhere() -> None:
     """As between two posts, where steering does not go."""
-    ways, target, nothing = Ways(), np.array([6.0, 0.0]), np.full(len(BEAMS), 8.0)
+    ways, target, nothing = ObstacleMap(), np.array([6.0, 0.0]), np.full(len(BEAMS), 8.0)
     ways.note(HERE, nothing)
     ways.block(HERE, 0.0)
     ways.note(HERE, nothing)
@@ -94,7 +94,7 @@ def test_what_the_ring_sees_through_is_no_way_until_the_robot_has_been_elsewhere
 
 
 def test_memory_begins_where_the_robot_does_and_has_an_end() -> None:
-    ways, far, nothing = Ways(), Pose(5000.0, -5000.0, 0.0), np.full(len(BEAMS), 8.0)
+    ways, far, nothing = ObstacleMap(), Pose(5000.0, -5000.0, 0.0), np.full(len(BEAMS), 8.0)
     ways.note(far, nothing)
     assert abs(ways.course_rad(far, far.xy_m + np.array([1e9, 0.0]), 1.0)) < 0.1
     assert ways.lengths_m(far, far.xy_m + np.array([[10.0, 0.0]]))[0] == pytest.approx(
@@ -116,7 +116,7 @@ def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:
 
 def driven(here: Pose, target: NDArray[np.float64], half_m: float) -> tuple[Pose, float]:
     """Where it ends that drives there past such a wall, and after how many metres."""
-    ways, way_m, tick_s = Ways(), 0.0, 0.3
+    ways, way_m, tick_s = ObstacleMap(), 0.0, 0.3
     for _ in range(150):
         ring = ring_before_wall(here, half_m)
         ways.note(here, ring)

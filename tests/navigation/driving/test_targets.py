@@ -6,11 +6,11 @@ from plains import CALIBRATION, Plain, Thing
 
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import CommonLandmark, Region
-from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.targets import targets
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.recognition import GoalSight
-from vrchain.navigation.planning.relative_poses import Join, Joins
+from vrchain.navigation.planning.relative_poses import RelativePose, RelativePoses
 from vrchain.navigation.planning.route import Leg, Route
 
 HERE, NEXT = Pose(0.0, 0.0, 0.0), Pose(12.0, 0.0, 1.0)
@@ -25,14 +25,16 @@ def region(pose: Pose, xy_m: tuple[float, float]) -> Region:
 
 def driven_to(
     xy_m: tuple[float, float], joined: bool = True
-) -> tuple[list[Tracker], Place | None, Tracker | None]:
+) -> tuple[list[Tracker], Estimate | None, Tracker | None]:
     """By which R1 gets on, at the origin, where R2, 12 m ahead, sees this landmark and the goal."""
     apart_m = HERE.distance_to_m(NEXT.xy_m)
     ranges = HERE.distance_to_m(xy_m) / apart_m, NEXT.distance_to_m(xy_m) / apart_m
     landmark = CommonLandmark(0.9, region(HERE, xy_m), region(NEXT, xy_m), NONE, NONE, ranges)
     route = Route((Leg("R1", "R2", landmark, (b"", b"R2", 0), "N1"),), "R2", SIGHT, 0.8)
-    joins = Joins({("R1", "R2"): Join(relative(HERE, NEXT) if joined else None, 0.9)})
-    return targets(route, [EMPTY, EMPTY], joins, {}, HERE, HERE, CALIBRATION)
+    poses = RelativePoses(
+        {("R1", "R2"): RelativePose(relative(HERE, NEXT) if joined else None, 0.9)}
+    )
+    return targets(route, [EMPTY, EMPTY], poses, {}, HERE, HERE, CALIBRATION)
 
 
 def test_a_landmark_on_the_way_is_driven_to_and_then_the_goal() -> None:
@@ -59,7 +61,7 @@ def test_what_nothing_tells_of_ends_the_list() -> None:
 
 @pytest.mark.parametrize(("way_m", "steps"), [(0.0, 1), (30.0, 1), (30.0, 60)])
 def test_a_belief_fades_with_the_way_however_often_it_is_asked(way_m: float, steps: int) -> None:
-    tracker = Tracker("a place", Place(np.zeros(2), np.eye(2)), np.empty((0, 0)), CALIBRATION)
+    tracker = Tracker("a place", Estimate(np.zeros(2), np.eye(2)), np.empty((0, 0)), CALIBRATION)
     for _ in range(steps):
         tracker.moved(way_m / steps)
     assert tracker.place.std_m == pytest.approx(np.sqrt(1.0 + 0.03 * way_m))

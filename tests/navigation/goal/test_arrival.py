@@ -10,9 +10,9 @@ import pytest
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.driving.drive import Pilot
-from vrchain.navigation.driving.estimates import Place
+from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.goal.arrival import Arrival
-from vrchain.navigation.goal.candidates import Suspect
+from vrchain.navigation.goal.candidates import Candidate
 from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.settings import MissionConfig
 from vrchain.robot import beams_rad
@@ -40,17 +40,17 @@ class Standing:
     def surface_m(self, bearing_rad: float) -> float:
         return float("inf")
 
-    def until_ns(self, place: Place) -> int:
+    def until_ns(self, place: Estimate) -> int:
         return self.now.time_ns + 1
 
     def stretch(self, *way: object) -> None:
         self.now.time_ns += 1
 
 
-def suspect(x_m: float, chance: float = 0.9) -> Suspect:
+def candidate(x_m: float, chance: float = 0.9) -> Candidate:
     """Seen once, by 12 keypoints, so far ahead."""
     sight = GoalSight(0.0, x_m, x_m, 0.2, 12, 3.0, chance)
-    return Suspect(Place(np.array([x_m, 0.0]), np.eye(2)), chance, ((Pose(0.0, 0.0), sight),))
+    return Candidate(Estimate(np.array([x_m, 0.0]), np.eye(2)), chance, ((Pose(0.0, 0.0), sight),))
 
 
 def arrival() -> Arrival:
@@ -59,22 +59,22 @@ def arrival() -> Arrival:
 
 
 def test_what_no_way_led_to_is_tried_once_more() -> None:
-    ours, far = arrival(), suspect(30.0)
+    ours, far = arrival(), candidate(30.0)
     assert not ours.drive_to(far) and not ours.was_mistaken(far.place)
     assert not ours.drive_to(far) and ours.was_mistaken(far.place)
 
 
 def test_what_surely_is_the_goal_is_blocked_where_it_was_seen_not_at_its_far_side() -> None:
     sight = GoalSight(0.0, 8.0, 8.0, 0.2, 60, 3.0, 0.95)
-    seen = Suspect(Place(np.array([8.0, 0.0]), np.eye(2)), 0.95, ((Pose(0.0, 0.0), sight),))
+    seen = Candidate(Estimate(np.array([8.0, 0.0]), np.eye(2)), 0.95, ((Pose(0.0, 0.0), sight),))
     ours = arrival()
     assert not ours.drive_to(seen) and ours.is_blocked(seen.place)
     assert not ours.drive_to(seen) and ours.was_mistaken(seen.place)
 
 
 def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
-    ours, near = arrival(), suspect(10.0)
-    ours.suspects.append(suspect(10.5))  # the same, noted at another look
+    ours, near = arrival(), candidate(10.0)
+    ours.candidates.append(candidate(10.5))  # the same, noted at another look
     assert ours.likeliest is not None
     assert not ours.drive_to(near) and ours.was_mistaken(near.place)
     assert ours.likeliest is None
@@ -85,12 +85,12 @@ def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
     sight = GoalSight(0.0, 8.0, 8.0, 0.2, 12, 3.0, 0.9)
     goal = SimpleNamespace(find=lambda *asked, **fair: sight)
     ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
-    assert not ours.drive_to(suspect(8.0))
+    assert not ours.drive_to(candidate(8.0))
     middle_xy_m = np.array([12.0, 0.0])
     for angle in np.arange(0.0, 2 * np.pi, 0.5):
         side = middle_xy_m + 4.0 * np.array([np.cos(angle), np.sin(angle)])
-        assert ours.was_mistaken(Place(side, np.eye(2)))
-    assert not ours.was_mistaken(Place(np.array([24.0, 0.0]), np.eye(2)))
+        assert ours.was_mistaken(Estimate(side, np.eye(2)))
+    assert not ours.was_mistaken(Estimate(np.array([24.0, 0.0]), np.eye(2)))
 
 
 @pytest.mark.parametrize(("chance", "n_sides"), [(0.6, 1), (0.75, 2), (0.9, 4), (0.99, 5)])
@@ -98,16 +98,16 @@ def test_what_is_less_likely_is_looked_at_from_fewer_sides(
     chance: float, n_sides: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Each side that leaves it unsure halves its odds."""
-    ours, seen = arrival(), suspect(8.0, chance)
+    ours, seen = arrival(), candidate(8.0, chance)
     sides = iter([seen.place] * 5)
-    monkeypatch.setattr(ours, "_sides", lambda suspect, n: sides)
+    monkeypatch.setattr(ours, "_sides", lambda candidate, n: sides)
     assert not ours._circle(seen).is_sure(MissionConfig())
     assert 5 - len(list(sides)) == n_sides
 
 
 def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> None:
     """As it was met: a barn was given up half round, and the side in its pictures was beyond."""
-    ours, seen = arrival(), suspect(8.0, 0.97)
+    ours, seen = arrival(), candidate(8.0, 0.97)
     middle_xy_m, pilot = np.array([12.0, 0.0]), cast(Any, ours.pilot)
     turns: list[float] = []
 
@@ -128,14 +128,14 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
 def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() -> None:
     """As it was met: a goal that was doubted by one poor sight, and then seen well in vain."""
     ours = arrival()
-    assert not ours.drive_to(suspect(8.0, 0.6))
+    assert not ours.drive_to(candidate(8.0, 0.6))
     for chance, given_up in ((0.85, True), (0.95, False)):
-        assert ours.was_mistaken(suspect(8.0).place, chance) == given_up
-        ours.suspects = [suspect(8.0, chance)]
+        assert ours.was_mistaken(candidate(8.0).place, chance) == given_up
+        ours.candidates = [candidate(8.0, chance)]
         assert (ours.likeliest is None) == given_up
-    assert not ours.drive_to(suspect(8.0, 0.95))
-    assert ours.was_mistaken(suspect(8.0).place, 0.95)
-    assert ours.was_mistaken(suspect(8.0).place)
+    assert not ours.drive_to(candidate(8.0, 0.95))
+    assert ours.was_mistaken(candidate(8.0).place, 0.95)
+    assert ours.was_mistaken(candidate(8.0).place)
 
 
 def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
@@ -143,7 +143,7 @@ def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
     goal = SimpleNamespace(find=lambda *asked, **fair: None)
     log = lambda what, *args, **values: told.append(what)  # noqa: E731
     ours = Arrival(cast(Any, Standing()), cast(Any, goal), log)
-    assert not ours.drive_to(suspect(8.0)) and not ours.drive_to(suspect(9.0))
+    assert not ours.drive_to(candidate(8.0)) and not ours.drive_to(candidate(9.0))
     assert told == ["approach", "circle", "doubt", "approach", "doubt"]
 
 
@@ -157,7 +157,7 @@ def test_what_was_surely_seen_from_afar_is_gone_round_if_it_is_not_seen_from_nea
     goal = SimpleNamespace(find=lambda *asked, **fair: None)
     pilot = Standing()
     ours = Arrival(cast(Any, pilot), cast(Any, goal), log)
-    seen = suspect(8.0, chance)
+    seen = candidate(8.0, chance)
     for _ in range(3):
         seen = ours._regarded(seen)
     assert seen.against == 3 and (seen.chance > 0.5) == goes_round
@@ -170,7 +170,7 @@ def test_a_glance_at_a_wall_just_ahead_does_not_speak_against_what_is_behind(
     ahead_m: float, against: int
 ) -> None:
     """As it was met: ten of them along a goal's own wall, and it was given up."""
-    ours, seen = arrival(), suspect(8.0)
+    ours, seen = arrival(), candidate(8.0)
     cast(Any, ours.pilot).ahead_m = lambda *asked: ahead_m
     after = ours._regarded(seen)
     assert after.against == against and (after.chance < seen.chance) == bool(against)
@@ -183,14 +183,14 @@ def test_the_side_in_front_is_another_on_the_way() -> None:
     cast(Any, passed).until_ns = lambda place: passed.now.time_ns + 1
     goal = SimpleNamespace(find=lambda *asked, **fair: None)
     ours = Arrival(cast(Any, passed), cast(Any, goal), lambda *args, **values: None)
-    before = suspect(30.0)
+    before = candidate(30.0)
     after = ours._close_in(before)
     assert after.place.std_m**2 == pytest.approx(before.place.std_m**2 + 0.8)
 
 
 def test_two_looks_from_one_place_are_one_sight() -> None:
     ours, sight = arrival(), GoalSight(0.0, 12.0, 12.0, 0.2, 18, 3.4, 0.9)
-    once = ours._with_sight(Suspect(Place(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)
+    once = ours._with_sight(Candidate(Estimate(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)
     again = ours._with_sight(once, replace(sight, chance=0.95))
     assert len(again.sights) == 1 and again.chance == 0.95
     assert again.place.std_m == once.place.std_m < 3.0
@@ -227,8 +227,8 @@ def test_a_bush_before_a_wide_goal_is_gone_round(
     goal = SimpleNamespace(find=lambda *asked, **fair: None)
     ours = Arrival(cast(Any, pilot), cast(Any, goal), lambda *args, **values: None)
     sight = GoalSight(0.0, 10.0, 9.0, half_width_rad, 40, 3.0, 0.99)
-    place = Place(np.array([1.0, 0.0]), np.eye(2))
-    ours._draw_up(Suspect(place, 0.99, ((Pose(-9.0, 0.0), sight),)))
+    place = Estimate(np.array([1.0, 0.0]), np.eye(2))
+    ours._draw_up(Candidate(place, 0.99, ((Pose(-9.0, 0.0), sight),)))
     assert pilot.driven_to == pytest.approx(driven_to)
 
 
@@ -246,12 +246,12 @@ def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: flo
         sights.append((Pose(float(x_m), 0.0), sight))
     ours = arrival()
     cast(Any, ours.pilot).here = Pose(goal_x_m - range_m, 0.0)
-    there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    there = ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
     if range_m < 4.0:
         assert there is None
     else:
         assert there == pytest.approx([goal_x_m, 0.0], abs=2.0)
-    assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99)) is None
+    assert ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99)) is None
 
 
 @pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
@@ -264,10 +264,10 @@ def test_from_another_side_it_is_looked_at_before_it_is_claimed(
     ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
     ahead = ((-12.0, 1.0), (-9.0, 1.0), (-6.0, range_m))  # stood, and believed it to be, on the x
     seen = tuple((Pose(x_m, 0.0), replace(sight, surface_m=at_m - x_m)) for x_m, at_m in ahead)
-    before = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
-    beside: list[Suspect] = []
+    before = Candidate(Estimate(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
+    beside: list[Candidate] = []
 
-    def sides(suspect: Suspect, n: int) -> Iterator[Place]:
+    def sides(candidate: Candidate, n: int) -> Iterator[Estimate]:
         beside.append(before)
         yield before.place
 
@@ -286,10 +286,10 @@ def test_what_is_no_longer_sure_is_not_claimed(
     goal = SimpleNamespace(find=lambda *asked, **fair: poor)
     ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
     seen = tuple((Pose(-x_m, 0.0), s) for x_m, s in enumerate([good, good] + [poor] * unsure, 2))
-    at = Suspect(Place(np.array([1.0, 0.0]), np.eye(2)), 0.9, seen)
+    at = Candidate(Estimate(np.array([1.0, 0.0]), np.eye(2)), 0.9, seen)
     assert at.is_sure(MissionConfig())
     monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
-    monkeypatch.setattr(ours, "_sides", lambda suspect, n: iter(()))
+    monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter(()))
     assert ours.drive_to(at) == (unsure == 1)
     assert ours.was_mistaken(at.place) == (unsure == 2)
 
@@ -304,7 +304,7 @@ def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
     )
     ours = arrival()
     cast(Any, ours.pilot).here = Pose(20.0, 1.2)
-    assert ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights)) is None
+    assert ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, sights)) is None
 
 
 @pytest.mark.parametrize(
@@ -318,7 +318,7 @@ def test_its_wall_is_met_before_it_is_believed_to_be(
     ours = arrival()
     cast(Any, ours.pilot).ahead_m = lambda *asked: met_m
     sight = GoalSight(0.0, looks_m, looks_m, 0.2, 40, 3.0, 0.99, sized=True)
-    at = Suspect(Place(np.array([4.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    at = Candidate(Estimate(np.array([4.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
     assert ours._is_there(at) == there
 
 
@@ -332,7 +332,9 @@ def test_what_is_met_beyond_it_is_not_its_side(met_x_m: float, side_x_m: float) 
     cast(Any, ours.pilot).here = Pose(3.0, 0.0)
     cast(Any, ours.pilot).ahead_m = lambda *asked: met_x_m - 3.0
     sight = GoalSight(0.0, 4.0, 4.0, 0.2, 40, 3.0, 0.99, sized=True)
-    believed = Suspect(Place(np.array([5.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    believed = Candidate(
+        Estimate(np.array([5.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),)
+    )
     assert ours._felt(believed).place.xy_m == pytest.approx([side_x_m, 0.0])
 
 
@@ -346,7 +348,7 @@ def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: 
         sights.append((Pose(x_m, 0.0), sight))
     ours = arrival()
     cast(Any, ours.pilot).here = Pose(20.0, 0.0)
-    there = ours._behind_this(Suspect(Place(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    there = ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
     assert (there is None) == (short_m > 0)
 
 
@@ -378,5 +380,5 @@ def test_who_looks_along_its_wall_stands_before_it(
     sight = GoalSight(bearing_rad, 6.5, 6.5, 0.4, 62, 3.5, 0.99, sized=True)
     ours = arrival()
     ours.pilot = cast(Any, BesideAWall(wall_m, bearing_rad, bush_m))
-    seen = Suspect(Place(np.array([1.4, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    seen = Candidate(Estimate(np.array([1.4, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
     assert (ours._behind_this(seen) is None) == here

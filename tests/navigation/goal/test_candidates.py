@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from vrchain.geometry import Pose
-from vrchain.navigation.driving.estimates import Place
-from vrchain.navigation.goal.candidates import Suspect, by_growth
+from vrchain.navigation.driving.estimates import Estimate
+from vrchain.navigation.goal.candidates import Candidate, by_growth
 from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.settings import MissionConfig
 
@@ -27,7 +27,7 @@ def is_sure(*sights: tuple[float, int, float, float], n_shown: int = 400, unsure
         for x_m, keypoints, range_m, looks in sights
     )
     seen += ((Pose(5.0, 0.0), GoalSight(0.0, 10.0, 10.0, 0.2, 7, 2.6, 0.3)),) * unsure
-    return Suspect(Place(np.zeros(2), np.eye(2)), 0.9, seen).is_sure(MissionConfig())
+    return Candidate(Estimate(np.zeros(2), np.eye(2)), 0.9, seen).is_sure(MissionConfig())
 
 
 def test_one_good_sight_is_enough() -> None:
@@ -120,7 +120,7 @@ def test_a_sight_that_may_be_of_something_else_tells_no_size() -> None:
         (Pose(-off_m, 0.0), GoalSight(0.0, side_m, side_m, 0.2, 17, 3.2, chance, sized=True))
         for off_m, side_m, chance in seen
     )
-    told = Suspect(Place(np.zeros(2), np.eye(2)), 0.99, sights).by_size()
+    told = Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, sights).by_size()
     assert told is not None and told[0][0] == pytest.approx(4.7, abs=1.5)
 
 

@@ -1,7 +1,7 @@
 """Homing to a place among round things, by the panorama taken there."""
 
 import pytest
-from plains import EYES, Plain, Thing, Walker
+from plains import PERCEPTION, Plain, Thing, Walker
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.driving.drive import Pilot
@@ -21,18 +21,18 @@ PLACE = Pose(10.0, -4.0, 2.2)
 
 def arrival(start: Pose, place: Pose = PLACE, plain: Plain = PLAIN) -> tuple[PlaceArrival, Walker]:
     body = Walker(plain, start)
-    goal = GoalPlace(PLAIN.look(place), EYES)
-    return PlaceArrival(Pilot(body, EYES, MissionConfig()), goal, lambda *a, **k: None), body
+    goal = GoalPlace(PLAIN.look(place), PERCEPTION)
+    return PlaceArrival(Pilot(body, PERCEPTION, MissionConfig()), goal, lambda *a, **k: None), body
 
 
 @pytest.mark.parametrize("start", [Pose(0, 0, 0.5), Pose(12.0, 3.0, -1.0), Pose(11.5, -3.0, 0.0)])
 def test_it_arrives_where_the_panorama_was_taken(start: Pose) -> None:
     arriving, body = arrival(start)
-    suspect = arriving.note(arriving.pilot.look_around())
-    assert suspect is not None
-    off_rad = suspect.place.bearing_rad(arriving.pilot.here) - start.bearing_to_rad(PLACE.xy_m)
+    candidate = arriving.note(arriving.pilot.look_around())
+    assert candidate is not None
+    off_rad = candidate.place.bearing_rad(arriving.pilot.here) - start.bearing_to_rad(PLACE.xy_m)
     assert abs(wrap_angle_rad(off_rad)) < 0.1
-    assert arriving.drive_to(suspect)
+    assert arriving.drive_to(candidate)
     assert body.pose.distance_to_m(PLACE.xy_m) < 1.0
 
 
@@ -41,8 +41,8 @@ def test_where_all_looks_otherwise_it_does_not_arrive() -> None:
     arriving, _ = arrival(Pose(0, 0, 0.5), plain=elsewhere)
     assert arriving.note(arriving.pilot.look_around()) is None
     told, _ = arrival(Pose(0, 0, 0.5))
-    suspect = told.note(told.pilot.look_around())
-    assert suspect is not None
-    assert not arriving.drive_to(suspect) and len(arriving.pilot.looks) < 8
-    assert not arriving.was_mistaken(suspect.place)  # it is tried once more
-    assert not arriving.drive_to(suspect) and arriving.was_mistaken(suspect.place)
+    candidate = told.note(told.pilot.look_around())
+    assert candidate is not None
+    assert not arriving.drive_to(candidate) and len(arriving.pilot.looks) < 8
+    assert not arriving.was_mistaken(candidate.place)  # it is tried once more
+    assert not arriving.drive_to(candidate) and arriving.was_mistaken(candidate.place)

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import pytest
-from plains import EYES, HOME, TEAM, PlainIndex, Walker, street
+from plains import HOME, PERCEPTION, TEAM, PlainIndex, Walker, street
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import Comparison
@@ -22,21 +22,23 @@ def test_what_is_least_sure_is_blamed_for_leading_astray(
 ) -> None:
     """Of a sight of the goal and the joins that lead there."""
     index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: trust)
+    perception = replace(PERCEPTION, trust=lambda a, b, found: trust)
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    pilot = Pilot(Walker(street(), HOME), perception, PATIENT)
     ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
     look = pilot.look_around()
     found = ours.plan(look)
     assert found.route is not None and 0.6 < found.route.sighting.chance < 1.0
-    ours.doubts.blame(Driven(found.route, found, pilot.here))
+    ours.rejections.blame(Driven(found.route, found, pilot.here))
     # R3 stood beside R2 and saw the same
-    assert ours.doubts.sights == (set() if join_is_blamed else {b"R2", b"R3"})
+    assert ours.rejections.sights == (set() if join_is_blamed else {b"R2", b"R3"})
     nothing = Comparison((), None)
-    assert ours.doubts.trust(found.looks["R2"], look, nothing) == (0.0 if join_is_blamed else trust)
+    assert ours.rejections.trust(found.looks["R2"], look, nothing) == (
+        0.0 if join_is_blamed else trust
+    )
     again = ours.plan(look).route
     assert again is None if not join_is_blamed else again and again.robots == ("R1", "R3")
-    assert ours.doubts.trust(pilot.look_around(), found.looks["R2"], nothing) == trust
+    assert ours.rejections.trust(pilot.look_around(), found.looks["R2"], nothing) == trust
 
 
 @pytest.mark.parametrize(
@@ -49,10 +51,10 @@ def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
     """Two that should have stood so near must be known again; of one alone nothing is told."""
     trusts = {"now": 0.9}
     index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: trusts["now"])
+    perception = replace(PERCEPTION, trust=lambda a, b, found: trusts["now"])
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
     told: list[Decision] = []
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    pilot = Pilot(Walker(street(), HOME), perception, PATIENT)
     ours = _Mission("R1", pilot, index.published, index, goal, told.append)
     look = pilot.look_around()
     found = ours.plan(look)
@@ -64,18 +66,18 @@ def test_where_nothing_is_as_others_saw_it_a_join_was_wrong(
     ]
     monkeypatch.setattr(Driven, "expected", lambda self: stood)
     trusts["now"] = trust
-    assert ours.doubts.is_elsewhere(look, pilot.here, driven) == elsewhere
+    assert ours.rejections.is_elsewhere(look, pilot.here, driven) == elsewhere
     assert [d.what for d in told] == (["elsewhere", "doubt"] if elsewhere else [])
-    assert len(ours.doubts.refuted) == elsewhere
+    assert len(ours.rejections.refuted) == elsewhere
 
 
 def test_only_what_led_there_can_have_led_there_wrongly(monkeypatch: pytest.MonkeyPatch) -> None:
     """R2 and R3 should have stood near here; the join of R3 is less sure, but comes later."""
     trusts = {"now": 0.9}
     index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: trusts["now"])
+    perception = replace(PERCEPTION, trust=lambda a, b, found: trusts["now"])
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    pilot = Pilot(Walker(street(), HOME), perception, PATIENT)
     ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
     look = pilot.look_around()
     found = ours.plan(look)
@@ -87,16 +89,16 @@ def test_only_what_led_there_can_have_led_there_wrongly(monkeypatch: pytest.Monk
     near = [(b"R2", pilot.here, 1), (b"R3", pilot.here, 2)]
     monkeypatch.setattr(Driven, "expected", lambda self: near)
     trusts["now"] = 0.0
-    assert ours.doubts.is_elsewhere(look, pilot.here, driven)
+    assert ours.rejections.is_elsewhere(look, pilot.here, driven)
     assert ours.decisions[-1].why == "R1 and R2 were not joined rightly"
 
 
 def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
     """R2 is not sure, but R3 beside it is: then it was the join that led astray."""
     index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    eyes = replace(EYES, trust=lambda a, b, found: 0.97)
+    perception = replace(PERCEPTION, trust=lambda a, b, found: 0.97)
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    pilot = Pilot(Walker(street(), HOME), eyes, PATIENT)
+    pilot = Pilot(Walker(street(), HOME), perception, PATIENT)
     for surest, join_is_blamed in ((0.9, False), (0.99, True)):
         ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
         found = ours.plan(pilot.look_around())
@@ -105,9 +107,9 @@ def test_a_sight_is_as_sure_as_the_surest_of_the_same_thing() -> None:
         other = ({"R2", "R3"} - {found.route.seen_by}).pop()
         sights[other] = replace(sights[other], chance=surest)
         told = replace(found, goal_seen_by=sights)
-        ours.doubts.blame(Driven(found.route, told, pilot.here))
-        assert bool(ours.doubts.refuted) == join_is_blamed
-        assert ours.doubts.sights == (set() if join_is_blamed else {b"R2", b"R3"})
+        ours.rejections.blame(Driven(found.route, told, pilot.here))
+        assert bool(ours.rejections.refuted) == join_is_blamed
+        assert ours.rejections.sights == (set() if join_is_blamed else {b"R2", b"R3"})
 
 
 @pytest.mark.parametrize(
@@ -119,7 +121,7 @@ def test_on_the_way_a_route_by_other_panoramas_has_to_be_better(
 ) -> None:
     """From here the driven one is known better; another one may only seem so."""
     index = PlainIndex(street(), {**TEAM, "R3": Pose(11.0, 5.0, 1.0)})
-    pilot = Pilot(Walker(street(), HOME), EYES, PATIENT)
+    pilot = Pilot(Walker(street(), HOME), PERCEPTION, PATIENT)
     goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
     ours = _Mission("R1", pilot, index.published, index, goal, lambda decision: None)
     look = pilot.look_around()
@@ -135,5 +137,5 @@ def test_on_the_way_a_route_by_other_panoramas_has_to_be_better(
         longer = replace(again.route, legs=(*route.legs, onward), seen_by="R9")
         again = replace(again, route=longer, published={**found.published, **more})
     monkeypatch.setattr(ours, "plan", lambda look: again)
-    monkeypatch.setattr(ours.doubts, "is_elsewhere", lambda *asked: False)
+    monkeypatch.setattr(ours.rejections, "is_elsewhere", lambda *asked: False)
     assert isinstance(ours.regard(look, route), Plan) == taken

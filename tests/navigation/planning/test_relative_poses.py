@@ -10,7 +10,13 @@ from plains import RIG
 from vrchain.geometry import Pose, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
-from vrchain.navigation.planning.relative_poses import Join, Joins, Pair, baseline_m, stand_of
+from vrchain.navigation.planning.relative_poses import (
+    Pair,
+    RelativePose,
+    RelativePoses,
+    baseline_m,
+    pose_from,
+)
 from vrchain.seeding import generator
 
 THERE = Pose(20.0, 5.0, 2.0)
@@ -28,7 +34,7 @@ def test_where_the_other_panorama_was_taken() -> None:
     here = Pose(2.0, -3.0, 0.7)
     found = seen_from(here)
     assert baseline_m(found, RIG) == pytest.approx(here.distance_to_m(THERE.xy_m))
-    stand = stand_of(here, found, RIG)
+    stand = pose_from(here, found, RIG)
     assert stand is not None and stand.xy_m == pytest.approx(THERE.xy_m)
     assert stand.yaw_rad == pytest.approx(THERE.yaw_rad)
 
@@ -39,68 +45,68 @@ def test_no_pose_no_stand() -> None:
     assert bare.geometry is not None
     unsized = Comparison((), replace(bare.geometry, baseline_heights=np.nan))
     for found in (nothing, unsized):
-        assert stand_of(Pose(0, 0), found, RIG) is None
+        assert pose_from(Pose(0, 0), found, RIG) is None
 
 
-def told(poses: dict[str, Pose], trust: float = 0.95, **others: float) -> dict[Pair, Join]:
+def told(poses: dict[str, Pose], trust: float = 0.95, **others: float) -> dict[Pair, RelativePose]:
     """Right joins of all panoramas taken at ``poses``; others: the trust in some, as a_b."""
     return {
-        (a, b): Join(relative(poses[a], poses[b]), others.get(f"{a}_{b}", trust))
+        (a, b): RelativePose(relative(poses[a], poses[b]), others.get(f"{a}_{b}", trust))
         for a, b in combinations(poses, 2)
     }
 
 
 WHOLE = {"a": Pose(0, 0, 1.0), "b": Pose(9, 2, -2.0), "c": Pose(4, 6, 3.0), "d": Pose(12, 7, 0.5)}
-ELSEWHERE = Join(Pose(1.0, 0.5, 0.3), 0.4)  # says that b is next to a
+ELSEWHERE = RelativePose(Pose(1.0, 0.5, 0.3), 0.4)  # says that b is next to a
 
 
 def test_what_others_agree_on_is_surer() -> None:
-    joins = Joins(told(WHOLE, a_b=0.4))
-    assert joins.trust(("a", "b")) > 0.8 and joins.unasked(("a", "b")) == []
-    assert joins.trust(("a", "c")) > 0.95
+    poses = RelativePoses(told(WHOLE, a_b=0.4))
+    assert poses.trust(("a", "b")) > 0.8 and poses.unasked(("a", "b")) == []
+    assert poses.trust(("a", "c")) > 0.95
 
 
 def test_what_others_deny_is_less_sure() -> None:
     """c and d know where a stands; b, said to stand there too, they do not know."""
-    joins = told(WHOLE)
-    joins[("a", "b")] = ELSEWHERE
+    poses = told(WHOLE)
+    poses[("a", "b")] = ELSEWHERE
     for pair in (("b", "c"), ("b", "d")):
-        joins[pair] = Join(None, 0.0)
-    assert Joins(joins).trust(("a", "b")) < 0.2
-    joins[("b", "c")] = Join(Pose(50.0, 0.0, 0.0), 0.9)  # known to stand elsewhere: worse
-    assert Joins(joins).trust(("a", "b")) < 0.02
+        poses[pair] = RelativePose(None, 0.0)
+    assert RelativePoses(poses).trust(("a", "b")) < 0.2
+    poses[("b", "c")] = RelativePose(Pose(50.0, 0.0, 0.0), 0.9)  # known to stand elsewhere: worse
+    assert RelativePoses(poses).trust(("a", "b")) < 0.02
 
 
 def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
     """e was taken where a was, so it tells the same of b, where c and d know better."""
-    false = Join(Pose(6.0, -8.0, 0.3), 0.85)
-    joins = told(WHOLE)
-    joins[("a", "b")] = false
+    false = RelativePose(Pose(6.0, -8.0, 0.3), 0.85)
+    poses = told(WHOLE)
+    poses[("a", "b")] = false
     for pair in (("a", "c"), ("a", "d")):
-        joins[pair] = Join(None, 0.0)
-    alone = Joins(joins).trust(("a", "b"))
+        poses[pair] = RelativePose(None, 0.0)
+    alone = RelativePoses(poses).trust(("a", "b"))
     twice = {
-        ("a", "e"): Join(Pose(0.0, 0.0), 1.0),
-        ("b", "e"): Join(relative(false.stand, Pose(0, 0)), 0.85),
+        ("a", "e"): RelativePose(Pose(0.0, 0.0), 1.0),
+        ("b", "e"): RelativePose(relative(false.between, Pose(0, 0)), 0.85),
     }
     assert alone < 0.7
-    assert Joins({**joins, **twice}).trust(("a", "b")) == alone
+    assert RelativePoses({**poses, **twice}).trust(("a", "b")) == alone
 
 
 def test_what_nobody_tells_of_stays_as_it_is_and_may_be_asked() -> None:
-    joins = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
-    joins[("a", "b")] = told(WHOLE)[("a", "b")]
-    unsure = {**joins, ("a", "b"): Join(joins["a", "b"].stand, 0.4)}
-    assert Joins(unsure).trust(("a", "b")) == pytest.approx(0.4)
-    assert Joins(unsure).unasked(("a", "b")) == [("d", "b"), ("c", "b")]  # the nearer first
-    nowhere = {**joins, ("a", "b"): Join(None, 0.4)}
-    assert Joins(nowhere).trust(("a", "b")) == pytest.approx(0.4)
-    assert Joins(nowhere).unasked(("a", "b")) == []
+    poses = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
+    poses[("a", "b")] = told(WHOLE)[("a", "b")]
+    unsure = {**poses, ("a", "b"): RelativePose(poses["a", "b"].between, 0.4)}
+    assert RelativePoses(unsure).trust(("a", "b")) == pytest.approx(0.4)
+    assert RelativePoses(unsure).unasked(("a", "b")) == [("d", "b"), ("c", "b")]  # the nearer first
+    nowhere = {**poses, ("a", "b"): RelativePose(None, 0.4)}
+    assert RelativePoses(nowhere).trust(("a", "b")) == pytest.approx(0.4)
+    assert RelativePoses(nowhere).unasked(("a", "b")) == []
 
 
 def test_never_is_never_and_surely_is_surely() -> None:
     for certain in (0.0, 1.0):
-        assert Joins(told(WHOLE, a_b=certain)).trust(("a", "b")) == certain
+        assert RelativePoses(told(WHOLE, a_b=certain)).trust(("a", "b")) == certain
 
 
 @given(st.integers(0, 10_000))
@@ -108,18 +114,20 @@ def test_it_matters_neither_in_which_order_nor_from_where(seed: int) -> None:
     draws = generator(seed, "joins")
     poses = {n: Pose(*map(float, (*draws.uniform(-8, 8, 2), draws.uniform(-3, 3)))) for n in "abcd"}
     trusts = {f"{a}_{b}": float(draws.choice([0.0, 0.3, 0.9])) for a, b in combinations("abcd", 2)}
-    joins = told(poses, **trusts)
-    turned = {(b, a): Join(j.stand and relative(j.stand, Pose(0, 0)), j.trust)
-              for (a, b), j in reversed(joins.items())}  # fmt: skip
-    for a, b in joins:
-        assert Joins(joins).trust((a, b)) == pytest.approx(Joins(turned).trust((b, a)))
+    poses = told(poses, **trusts)
+    turned = {(b, a): RelativePose(j.between and relative(j.between, Pose(0, 0)), j.trust)
+              for (a, b), j in reversed(poses.items())}  # fmt: skip
+    for a, b in poses:
+        assert RelativePoses(poses).trust((a, b)) == pytest.approx(
+            RelativePoses(turned).trust((b, a))
+        )
 
 
 def test_where_panoramas_are_is_told_from_one_to_the_next_as_far_as_that_is_sure() -> None:
-    joins = told(WHOLE)
-    chain = {pair: joins[pair] for pair in (("a", "b"), ("b", "c"))}
-    chain[("c", "d")] = Join(relative(WHOLE["c"], WHOLE["d"]), 0.3)
-    found = Joins(chain).reached({"a": WHOLE["a"], "z": Pose(7.0, 7.0)})
+    poses = told(WHOLE)
+    chain = {pair: poses[pair] for pair in (("a", "b"), ("b", "c"))}
+    chain[("c", "d")] = RelativePose(relative(WHOLE["c"], WHOLE["d"]), 0.3)
+    found = RelativePoses(chain).reached({"a": WHOLE["a"], "z": Pose(7.0, 7.0)})
     assert set(found) == {"a", "z", "b", "c"}
     for name in "abc":
         assert found[name].xy_m == pytest.approx(WHOLE[name].xy_m)

@@ -42,7 +42,7 @@ from vrchain.ledger.records.encoding import digest
 from vrchain.navigation.goal.place import GoalPlace
 from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_from
 from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.perception import learned_eyes
+from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.simulation.mission import index_of, is_at, published_of
@@ -95,21 +95,25 @@ class Suburb:
             taken: dict[bytes, Pose] = {}  # from where panoramas were, by their digest
             oracle = Oracle(self.truth, self.rig) if arm == "oracle" else None
             if oracle is not None:
-                eyes = oracle.eyes(lambda: simulator.pose(robot), lambda b: taken[digest(b)])
+                perception = oracle.perception(
+                    lambda: simulator.pose(robot), lambda b: taken[digest(b)]
+                )
             else:
-                eyes = learned_eyes(weights)
+                perception = learned_perception(weights)
             goal: KnownGoal
             if mission.goal == PLACE:
                 (place,) = mission.goal_poses
                 shown = self.renderer.render(place, self.rig).encode()
                 taken[digest(shown)] = place
-                look = eyes.stored(shown, None)
-                goal = oracle.place(look, eyes) if oracle else GoalPlace(look, eyes)
+                look = perception.stored(shown, None)
+                goal = oracle.place(look, perception) if oracle else GoalPlace(look, perception)
             else:
                 goal = oracle.goal(mission.goal) if oracle else self._goal(mission, weights)
-            eyes = misled(eyes, wrong_edges, number)  # among panoramas: the goal is as it was shown
+            perception = misled(
+                perception, wrong_edges, number
+            )  # among panoramas: the goal is as it was shown
             robots = assemble(
-                simulator, ledger, number, examine=oracle.record if oracle else eyes.record
+                simulator, ledger, number, examine=oracle.record if oracle else perception.record
             )
             if arm != "alone":
                 for name in others:
@@ -117,7 +121,7 @@ class Suburb:
                 patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
                 patrol.drive(patrol_s)
                 robots[robot].others = patrol.drives
-            index, known = index_of(ledger, eyes), published_of(ledger, robot, REMEMBERED)
+            index, known = index_of(ledger, perception), published_of(ledger, robot, REMEMBERED)
 
             def published() -> Mapping[str, Published]:
                 for p in (p for name in others for p in robots[name].publications):
@@ -131,7 +135,9 @@ class Suburb:
                 bars.tell(decision)
 
             started_ns = simulator.clock_ns
-            result = run_mission(robot, robots[robot], published, index, goal, eyes, config, told)
+            result = run_mission(
+                robot, robots[robot], published, index, goal, perception, config, told
+            )
             n_published = len(known())
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds)

@@ -21,10 +21,10 @@ from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import maker_of
-from vrchain.navigation.driving.estimates import Place
-from vrchain.navigation.goal.candidates import EVEN, Suspect
+from vrchain.navigation.driving.estimates import Estimate
+from vrchain.navigation.goal.candidates import EVEN, Candidate
 from vrchain.navigation.goal.recognition import GoalSight, goal_from
-from vrchain.navigation.perception import Look, learned_eyes
+from vrchain.navigation.perception import Look, learned_perception
 from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -152,11 +152,11 @@ def _sights(rows: pd.DataFrame) -> list[GoalSight]:
     ]
 
 
-def _suspect(sights: Sequence[GoalSight]) -> Suspect:
+def _suspect(sights: Sequence[GoalSight]) -> Candidate:
     """Of sights that a robot would keep."""
     kept = [s for s in sights if s.chance >= MissionConfig.least_chance]
-    place = Place(np.zeros(2), np.eye(2))
-    return Suspect(place, 0.0, tuple((Pose(float(k), 0.0), s) for k, s in enumerate(kept)))
+    place = Estimate(np.zeros(2), np.eye(2))
+    return Candidate(place, 0.0, tuple((Pose(float(k), 0.0), s) for k, s in enumerate(kept)))
 
 
 def _save(scenes: Scenes, seed: int, n_goals: int, files: Sequence[Path], k: int) -> None:
@@ -166,7 +166,11 @@ def _save(scenes: Scenes, seed: int, n_goals: int, files: Sequence[Path], k: int
 def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
     scene, rig, rows = scenes.scene(seed, k), CameraRig(), []
     renderer, truth = Renderer(scene), GroundTruth(scene)
-    eyes, draws, looks = learned_eyes(), generator(seed, "goal sights", k), list[_Seen]()
+    perception, draws, looks = (
+        learned_perception(),
+        generator(seed, "goal sights", k),
+        list[_Seen](),
+    )
     houses = goal_ids(scene, None)
     for house in houses:
         footprint = scene.objects[house].footprint
@@ -181,7 +185,7 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
                 if scene.is_free([pose.xy_m])[0] and truth.sees(house, pose, rig):
                     simulator = Simulator(scene, {"R1": pose}, seed=seed, rig=rig)
                     simulator.truth, simulator.renderer = truth, renderer
-                    look = eyes.examine(simulator.observe("R1", towards_rad=0.0))
+                    look = perception.examine(simulator.observe("R1", towards_rad=0.0))
                     shows = frozenset(truth.visibility(pose, rig).index)
                     looks.append(_Seen(house, side, range_m, look, shows))
     pictured = 0

@@ -18,7 +18,7 @@ from vrchain.landmarks.matching.joint import regions_of
 from vrchain.landmarks.quality import Sights, shared
 from vrchain.navigation.goal.place import ARRIVED_M, GoalPlace
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
-from vrchain.navigation.perception import Eyes, Look, surface_m
+from vrchain.navigation.perception import Look, Perception, surface_m
 from vrchain.panorama import CameraRig
 from vrchain.robot import Observation
 from vrchain.seeding import generator
@@ -40,7 +40,7 @@ class Oracle:
         self._taken: dict[int, tuple[Look, Pose]] = {}
         self._sights: dict[Pose, Sights] = {}
 
-    def eyes(self, here: Callable[[], Pose], stored: Callable[[bytes], Pose]) -> Eyes:
+    def perception(self, here: Callable[[], Pose], stored: Callable[[bytes], Pose]) -> Perception:
         """The eyes of a robot. here: its true pose; stored: that of a panorama, by its bytes."""
 
         def examine(seen: Observation) -> Look:
@@ -50,7 +50,7 @@ class Oracle:
             record = None if landmarks is None else decode_record(landmarks)
             return self._look(stored(panorama), record)
 
-        return Eyes(examine, published, self.compare, _CALIBRATION)
+        return Perception(examine, published, self.compare, _CALIBRATION)
 
     def record(self, seen: Observation) -> LandmarkRecord:
         """An empty one, to publish how the robot moved by."""
@@ -60,9 +60,9 @@ class Oracle:
         """The goal, known by what it is."""
         return TrueGoal(_embedding(name))
 
-    def place(self, look: Look, eyes: Eyes) -> "TruePlace":
+    def place(self, look: Look, perception: Perception) -> "TruePlace":
         """The place that a look was taken from, as a goal."""
-        return TruePlace(look, eyes, self)
+        return TruePlace(look, perception, self)
 
     def bearing_and_range_m(self, a: Look, b: Look) -> tuple[float, float]:
         """Where one look was taken, seen from the other."""

@@ -3,22 +3,22 @@
 from dataclasses import replace
 
 from vrchain.landmarks.matching.common import Comparison
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.perception import Look, Perception
 from vrchain.seeding import generator
 
 
-def misled(eyes: Eyes, share: float, seed: int) -> Eyes:
+def misled(perception: Perception, share: float, seed: int) -> Perception:
     """Eyes that, of so many pairs with something in common, say what another pair has in common.
 
     The claims, scores and relative pose are those of a pair compared before: as sure as any.
     """
     if share == 0:
-        return eyes
+        return perception
     draws = generator(seed, "wrong edges")
     before: list[Comparison] = []
 
     def compare(a: Look, b: Look) -> Comparison:
-        found = eyes.compare(a, b)
+        found = perception.compare(a, b)
         if not found.common:
             return found
         wrong = before and draws.uniform() < share
@@ -26,4 +26,4 @@ def misled(eyes: Eyes, share: float, seed: int) -> Eyes:
         before.append(found)
         return said
 
-    return replace(eyes, compare=compare)
+    return replace(perception, compare=compare)

@@ -33,7 +33,7 @@ from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.joint import JointConfig, compare_joint
-from vrchain.landmarks.retrieval.lookup import Sought, depth, worth_of
+from vrchain.landmarks.retrieval.lookup import Query, depth, worth_of
 from vrchain.landmarks.retrieval.recognition import (
     LOWEST_SLOPE,
     RATIO,
@@ -179,7 +179,7 @@ class Seen(Generic[Key]):
 
 
 def who_sees(
-    what: Sought, gallery: Gallery[Key], calibration: Calibration | None = None
+    what: Query, gallery: Gallery[Key], calibration: Calibration | None = None
 ) -> list[Seen[Key]]:
     """Panoramas that look most as if they showed it, the one most to be believed first.
 
@@ -199,7 +199,7 @@ def who_sees(
 
 
 def _likeliest(
-    what: Sought,
+    what: Query,
     gallery: Gallery[Key],
     calibration: Calibration,
     sighted: Callable[[int, int], tuple[Sighting | None, Sighting | None]],
@@ -241,7 +241,7 @@ def named(found: Sequence[Seen[Key]]) -> list[Key]:
 
 
 def _sighter(
-    what: Sought, gallery: Gallery[Key]
+    what: Query, gallery: Gallery[Key]
 ) -> Callable[[int, int], tuple[Sighting | None, Sighting | None]]:
     """Where keypoints, and spots, are found around a record's proposal.
 

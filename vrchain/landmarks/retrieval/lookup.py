@@ -22,7 +22,7 @@ _HEIGHT, _HEIGHT_M = 0.35, 0.5  # by how much heights above the camera may diffe
 
 
 @dataclass(frozen=True, eq=False)
-class Sought:
+class Query:
     """A landmark by pictures.
 
     embedding: (k, d) what it looks like in each picture; spots: (m, d) unit descriptors of its
@@ -58,10 +58,10 @@ class Sought:
         total = np.bincount(spots.owner, cosine.max(axis=1), n)
         return np.asarray(total / np.maximum(np.bincount(spots.owner, minlength=n), 1))
 
-    def also(self, sights: Sequence[tuple[LandmarkRecord, int]]) -> "Sought":
+    def also(self, sights: Sequence[tuple[LandmarkRecord, int]]) -> "Query":
         """The same, known by some proposals of panoramas too; the pictures stay."""
         more = _of(sights)
-        return Sought(
+        return Query(
             np.concatenate([self.embedding, more.embedding]),
             np.concatenate([self.spots, more.spots]),
             np.concatenate([self.height_m, more.height_m]),
@@ -79,18 +79,18 @@ def depth(range_m: float) -> float:
     return float(np.log(np.clip(range_m, 1.0, 100.0) / _TYPICAL_M))
 
 
-def sought(pictures: Sequence[LandmarkRecord]) -> Sought:
+def sought(pictures: Sequence[LandmarkRecord]) -> Query:
     """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
     return _of([(p, k) for p, k in ((p, subject(p)) for p in pictures) if k is not None])
 
 
-def _of(sights: Sequence[tuple[LandmarkRecord, int]]) -> Sought:
+def _of(sights: Sequence[tuple[LandmarkRecord, int]]) -> Query:
     """What is known of a landmark by proposals that show it, each of its record."""
     none = np.empty((0, 0), dtype=np.float32)
     if not sights:
-        return Sought(none, none, np.empty(0), ())
+        return Query(none, none, np.empty(0), ())
     own = [p.spots.take(p.spots.owner == k) for p, k in sights]
-    return Sought(
+    return Query(
         np.stack([p.proposals.embedding[k] for p, k in sights]),
         np.concatenate([spots.unit for spots in own]),
         np.concatenate(

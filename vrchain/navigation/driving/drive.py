@@ -7,9 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
-from vrchain.navigation.driving.estimates import Place
-from vrchain.navigation.driving.obstacles import Ways
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.driving.estimates import Estimate
+from vrchain.navigation.driving.obstacles import ObstacleMap
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Body, GaveUp, MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.robot import Observation, beams_rad, newcomer_m, steer
@@ -33,9 +33,9 @@ class Pilot:
     each; latest: the last look around, and from where. Places are in the odometry's frame.
     """
 
-    def __init__(self, body: Body, eyes: Eyes, config: MissionConfig) -> None:
-        self.body, self.eyes, self.config = body, eyes, config
-        self.ways = Ways()
+    def __init__(self, body: Body, perception: Perception, config: MissionConfig) -> None:
+        self.body, self.perception, self.config = body, perception, config
+        self.obstacles = ObstacleMap()
         self.looks: list[Panorama] = []
         self.looked: list[Array] = []
         self.standing: list[Array] = []
@@ -56,7 +56,7 @@ class Pilot:
         assert self.now.panorama is not None
         self.looks.append(self.now.panorama)
         self.looked.append(self.here.xy_m)
-        look = self.eyes.examine(self.now)
+        look = self.perception.examine(self.now)
         self.standing.append(self._standing(look))
         self.latest = self.here, look
         return look
@@ -70,7 +70,7 @@ class Pilot:
     def glance(self, bearing_rad: float) -> Look:
         """What one camera shows around a bearing."""
         self.now = self.body.observe(towards_rad=bearing_rad)
-        return self.eyes.examine(self.now)
+        return self.perception.examine(self.now)
 
     def ahead_m(
         self,
@@ -83,9 +83,9 @@ class Pilot:
 
     def surface_m(self, bearing_rad: float) -> float:
         """How near the surface comes that is met at a bearing; inf if none is."""
-        return nearest_of_surface_m(self.now.range_ring_m, bearing_rad, self.ways.reach_m)
+        return nearest_of_surface_m(self.now.range_ring_m, bearing_rad, self.obstacles.reach_m)
 
-    def until_ns(self, place: Place) -> int:
+    def until_ns(self, place: Estimate) -> int:
         """When an approach to a place has taken too long."""
         limit_s = self.config.leg_limit_s + place.range_m(self.here) / _SLOW_M_S
         return self.now.time_ns + int(limit_s * 1e9)
@@ -102,14 +102,14 @@ class Pilot:
                 self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
             if driven_m >= since_m + _HEADWAY_M:
                 since_ns, since_m = self.now.time_ns, driven_m
-            self.ways.note(self.here, self.now.range_ring_m)
-            course = self.ways.course_rad(self.here, xy_m, within_m)
+            self.obstacles.note(self.here, self.now.range_ring_m)
+            course = self.obstacles.course_rad(self.here, xy_m, within_m)
             if course is None:
                 return driven_m if driven_m > 0.2 else None
             stuck = self.now.time_ns - since_ns > self.config.stuck_after_s * 1e9
             if stuck or self.now.time_ns - self._about_ns > _LINGERS_S * 1e9:
                 self._about_ns = self.now.time_ns
-                self.ways.block(self.here, course)
+                self.obstacles.block(self.here, course)
                 return None
             for _ in range(_TICKS):
                 if self.now.time_ns > self._deadline_ns:

@@ -19,7 +19,7 @@ _DRIFT_M2_PER_M = 0.03  # square metres of doubt, a metre driven: 1 m after 30 m
 
 
 @dataclass(frozen=True, eq=False)
-class Place:
+class Estimate:
     """xy_m: (2,); covariance: (2, 2), square metres."""
 
     xy_m: Array
@@ -38,31 +38,31 @@ class Place:
         """How far off it may be, in the direction in which least is known."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
-    def after(self, way_m: float) -> "Place":
+    def after(self, way_m: float) -> "Estimate":
         """What is left of the belief after driving so far."""
         return self.unsure(float(np.sqrt(_DRIFT_M2_PER_M * way_m)))
 
-    def unsure(self, std_m: float) -> "Place":
+    def unsure(self, std_m: float) -> "Estimate":
         """The belief, so much less sure in every direction."""
-        return Place(self.xy_m, self.covariance + std_m**2 * np.eye(2))
+        return Estimate(self.xy_m, self.covariance + std_m**2 * np.eye(2))
 
-    def with_sight(self, sight: "Place") -> "Place":
+    def with_sight(self, sight: "Estimate") -> "Estimate":
         """Both beliefs taken together."""
         gain = self.covariance @ np.linalg.inv(self.covariance + sight.covariance)
         xy_m = self.xy_m + gain @ (sight.xy_m - self.xy_m)
-        return Place(xy_m, (np.eye(2) - gain) @ self.covariance)
+        return Estimate(xy_m, (np.eye(2) - gain) @ self.covariance)
 
-    def astray(self, sight: "Place") -> float:
+    def astray(self, sight: "Estimate") -> float:
         """By how many standard deviations a sight lies elsewhere."""
         off = sight.xy_m - self.xy_m
         return float(np.sqrt(off @ np.linalg.solve(self.covariance + sight.covariance, off)))
 
 
-def sighted(here: Pose, bearing_rad: float, range_m: float) -> Place:
+def sighted(here: Pose, bearing_rad: float, range_m: float) -> Estimate:
     """Where a thing is by one sight of it."""
     course = here.yaw_rad + bearing_rad
     along = np.array([np.cos(course), np.sin(course)])
     across = np.array([-along[1], along[0]])
     stds = _RANGE_STD * range_m + 0.3, _BEARING_STD_RAD * range_m + 0.2
     covariance = stds[0] ** 2 * np.outer(along, along) + stds[1] ** 2 * np.outer(across, across)
-    return Place(here.xy_m + range_m * along, covariance)
+    return Estimate(here.xy_m + range_m * along, covariance)

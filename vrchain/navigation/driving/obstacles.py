@@ -35,7 +35,7 @@ _TIGHT = 2.0  # how many times longer a way without room counts
 
 
 @dataclass(eq=False)
-class Ways:
+class ObstacleMap:
     """What was met, and ways around it; positions in the odometry's frame."""
 
     reach_m: float = 7.9  # readings from here on are of nothing

@@ -13,11 +13,11 @@ from vrchain.geometry import Pose, placed, wrap_angle_rad
 from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.landmarks.matching.calibration import Calibration
 from vrchain.landmarks.matching.common import Region
-from vrchain.navigation.driving.estimates import Place, sighted
+from vrchain.navigation.driving.estimates import Estimate, sighted
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.perception import Look
-from vrchain.navigation.planning.relative_poses import SURE, Joins
+from vrchain.navigation.planning.relative_poses import SURE, RelativePoses
 from vrchain.navigation.planning.route import Route
 
 _FARTHEST_M = 80.0  # from farther away nothing is driven to
@@ -31,12 +31,12 @@ _SAME_RAD = 0.1  # between a claim's region and its proposal
 def targets(
     route: Route,
     looks: Sequence[Look],
-    joins: Joins,
+    poses: RelativePoses,
     sights: Mapping[str, GoalSight],
     begin: Pose,
     here: Pose,
     calibration: Calibration,
-) -> tuple[list[Tracker], Place | None, Tracker | None]:
+) -> tuple[list[Tracker], Estimate | None, Tracker | None]:
     """What the route's legs lead to, as many as the panoramas tell of; goal and lookout, if known.
 
     The lookout is from where the goal was seen.
@@ -45,8 +45,8 @@ def targets(
     taken; sights: in which of them the goal is seen. begin: where the first was taken; here: where
     the robot is.
     """
-    between = [joins.stand(a, b) for a, b in pairwise(route.robots)]
-    stands = stands_of(route, joins, begin)
+    between = [poses.between(a, b) for a, b in pairwise(route.robots)]
+    stands = poses_along(route, poses, begin)
     found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
         name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
@@ -72,7 +72,7 @@ def targets(
                 off_m = _STAND_DOUBT * stand.distance_to_m(here.xy_m)
                 seen_at = sighted(stand, region.bearing_rad or 0.0, range_m)
                 places.append(seen_at.unsure(off_m))
-        place: Place | None = None
+        place: Estimate | None = None
         if places:
             place = places[0] if i == 0 or len(places) == 1 else places[0].with_sight(places[1])
         if onward is not None:
@@ -91,19 +91,19 @@ def targets(
         return found, None, None
     goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)
     for name, sight in sights.items():
-        stand = joins.stand(route.seen_by, name)
-        if stand is not None and joins.trust((route.seen_by, name)) >= SURE:
+        stand = poses.between(route.seen_by, name)
+        if stand is not None and poses.trust((route.seen_by, name)) >= SURE:
             too = sighted(placed(last, stand), sight.bearing_rad, sight.surface_m)
             goal = goal.with_sight(too) if goal.astray(too) < _SAME_STD else goal
     goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
     return found, goal, _lookout(route.seen_by, last, here, calibration)
 
 
-def stands_of(route: Route, joins: Joins, begin: Pose) -> list[Pose | None]:
+def poses_along(route: Route, poses: RelativePoses, begin: Pose) -> list[Pose | None]:
     """Where each panorama of a route was taken, the first at ``begin``; None: nothing tells."""
     stands: list[Pose | None] = [begin]
     for a, b in pairwise(route.robots):
-        stand, step = stands[-1], joins.stand(a, b)
+        stand, step = stands[-1], poses.between(a, b)
         stands.append(None if stand is None or step is None else placed(stand, step))
     return stands
 
@@ -111,7 +111,7 @@ def stands_of(route: Route, joins: Joins, begin: Pose) -> list[Pose | None]:
 def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tracker:
     """A panorama's place, to drive to."""
     std_m = _PLACE_STD_M + _STAND_DOUBT * stand.distance_to_m(here.xy_m)
-    place = Place(stand.xy_m, std_m**2 * np.eye(2))
+    place = Estimate(stand.xy_m, std_m**2 * np.eye(2))
     return Tracker.of_place(f"where {name} looked around", place, calibration)
 
 

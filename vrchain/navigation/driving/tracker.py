@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.matching.calibration import Calibration
-from vrchain.navigation.driving.estimates import Place, sighted
+from vrchain.navigation.driving.estimates import Estimate, sighted
 from vrchain.navigation.perception import Look
 
 _ASTRAY = 3.0  # standard deviations from where it is believed to be
@@ -23,14 +23,14 @@ class Tracker:
     """
 
     name: str
-    place: Place
+    place: Estimate
     embedding: NDArray[np.float32]
     calibration: Calibration
     seen: int = 0
     missed: int = 0
 
     @classmethod
-    def of_place(cls, name: str, place: Place, calibration: Calibration) -> "Tracker":
+    def of_place(cls, name: str, place: Estimate, calibration: Calibration) -> "Tracker":
         """A mere place."""
         return cls(name, place, np.empty((0, 0), dtype=np.float32), calibration)
 
@@ -52,7 +52,7 @@ class Tracker:
         self.seen, self.missed = self.seen + 1, 0
         return True
 
-    def _best(self, look: Look, here: Pose) -> tuple[int, Place] | None:
+    def _best(self, look: Look, here: Pose) -> tuple[int, Estimate] | None:
         p = look.proposals
         if len(p) == 0:
             return None

@@ -10,8 +10,8 @@ from dataclasses import replace
 import numpy as np
 
 from vrchain.navigation.driving.drive import Array, Pilot
-from vrchain.navigation.driving.estimates import Place, sighted
-from vrchain.navigation.goal.candidates import EVEN, SHAPE_M, Suspect
+from vrchain.navigation.driving.estimates import Estimate, sighted
+from vrchain.navigation.goal.candidates import EVEN, SHAPE_M, Candidate
 from vrchain.navigation.goal.recognition import GoalSight, KnownGoal
 from vrchain.navigation.perception import Look
 from vrchain.navigation.settings import Log
@@ -54,17 +54,17 @@ class Arrival:
 
     def __init__(self, pilot: Pilot, goal: KnownGoal, log: Log) -> None:
         self.pilot, self.goal, self.log = pilot, goal, log
-        self.suspects: list[Suspect] = []
+        self.candidates: list[Candidate] = []
         # Where what looked like the goal was something else, and its surest sight.
         self._mistaken: list[tuple[Array, float]] = []
         self._blocked: list[Array] = []  # where no way led to it
 
     @property
-    def likeliest(self) -> Suspect | None:
+    def likeliest(self) -> Candidate | None:
         """What may be the goal and is worth the way to it, the most likely one first."""
         pilot = self.pilot
         worth = [
-            s for s in self.suspects
+            s for s in self.candidates
             if not self.was_mistaken(s.place, s.surest)
             and s.chance >= min(
                 pilot.config.likely,
@@ -73,20 +73,20 @@ class Arrival:
         ]  # fmt: skip
         return max(worth, key=lambda s: s.chance, default=None)
 
-    def note(self, look: Look) -> Suspect | None:
+    def note(self, look: Look) -> Candidate | None:
         """Take in a look around; what may be the goal in it and was no mistake before."""
         sight = self.goal.find(look, fair=self._is_fair)
         if sight is None or sight.chance < self.pilot.config.least_chance:
             return None
         place = self._place_of(sight)
-        for i, known in enumerate(self.suspects):
+        for i, known in enumerate(self.candidates):
             if known.place.astray(place) < _SAME_STD:
-                self.suspects[i] = self._with_sight(known, sight)
-                return self.suspects[i]
-        self.suspects.append(Suspect(place, sight.chance, ((self.pilot.here, sight),)))
-        return self.suspects[-1]
+                self.candidates[i] = self._with_sight(known, sight)
+                return self.candidates[i]
+        self.candidates.append(Candidate(place, sight.chance, ((self.pilot.here, sight),)))
+        return self.candidates[-1]
 
-    def was_mistaken(self, place: Place, chance: float = 0.0) -> bool:
+    def was_mistaken(self, place: Estimate, chance: float = 0.0) -> bool:
         """Whether what is there looked like the goal and was something else.
 
         chance: of a sight of it; one that is far surer than all before makes it worth another try.
@@ -96,123 +96,124 @@ class Arrival:
             for xy_m, before in self._mistaken
         )
 
-    def is_blocked(self, place: Place) -> bool:
+    def is_blocked(self, place: Estimate) -> bool:
         """Whether no way led to what is there, which may be the goal all the same."""
         return self._was_blocked(place) and not self.was_mistaken(place)
 
-    def drive_to(self, suspect: Suspect) -> bool:
+    def drive_to(self, candidate: Candidate) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
-        self._begin(suspect)
-        suspect = self._close_in(suspect)
-        if not suspect.is_sure(self.pilot.config) and self._is_worth_a_circle(suspect):
-            suspect = self._circle(suspect)
-        if not suspect.is_sure(self.pilot.config):
-            return self._doubt(suspect)
-        suspect = self._driven_on(suspect, _TRIES)
-        if self._is_claimed(suspect):
+        self._begin(candidate)
+        candidate = self._close_in(candidate)
+        if not candidate.is_sure(self.pilot.config) and self._is_worth_a_circle(candidate):
+            candidate = self._circle(candidate)
+        if not candidate.is_sure(self.pilot.config):
+            return self._doubt(candidate)
+        candidate = self._driven_on(candidate, _TRIES)
+        if self._is_claimed(candidate):
             return True
-        before = suspect.place
-        for side in self._sides(suspect, _SIDES_OF_IT):
-            suspect = self._regarded(replace(suspect, place=side))
-            suspect = self._driven_on(self._close_in(suspect), 1)
-            if self._is_claimed(suspect):
+        before = candidate.place
+        for side in self._sides(candidate, _SIDES_OF_IT):
+            candidate = self._regarded(replace(candidate, place=side))
+            candidate = self._driven_on(self._close_in(candidate), 1)
+            if self._is_claimed(candidate):
                 return True
-        if not suspect.is_sure(self.pilot.config):
-            return self._doubt(replace(suspect, place=before))
-        return self._give_up(replace(suspect, place=before))
+        if not candidate.is_sure(self.pilot.config):
+            return self._doubt(replace(candidate, place=before))
+        return self._give_up(replace(candidate, place=before))
 
-    def _circle(self, suspect: Suspect) -> Suspect:
+    def _circle(self, candidate: Candidate) -> Candidate:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
 
         Each side that leaves it unsure speaks against it, much like the goal or not at all.
         """
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
-        before, (middle_xy_m, _) = suspect.place, self._middle(suspect)
-        suspect, chance = replace(suspect, against=0), suspect.chance
-        for side in self._sides(suspect, _SIDES):
-            suspect = self._regarded(replace(suspect, place=side))
-            if suspect.is_sure(self.pilot.config):
-                return self._close_in(suspect)
+        before, (middle_xy_m, _) = candidate.place, self._middle(candidate)
+        candidate, chance = replace(candidate, against=0), candidate.chance
+        for side in self._sides(candidate, _SIDES):
+            candidate = self._regarded(replace(candidate, place=side))
+            if candidate.is_sure(self.pilot.config):
+                return self._close_in(candidate)
             chance = _at_odds(chance, _AGAIN)
             if chance < EVEN:
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
-            self._mistaken.append((middle_xy_m, suspect.surest))
-        return replace(suspect, place=before)
+            self._mistaken.append((middle_xy_m, candidate.surest))
+        return replace(candidate, place=before)
 
-    def _is_claimed(self, suspect: Suspect) -> bool:
+    def _is_claimed(self, candidate: Candidate) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""
-        if not (suspect.is_sure(self.pilot.config) and self._is_there(suspect)):
+        if not (candidate.is_sure(self.pilot.config) and self._is_there(candidate)):
             return False
-        self._draw_up(suspect)
+        self._draw_up(candidate)
         return True
 
-    def _doubt(self, suspect: Suspect) -> bool:
+    def _doubt(self, candidate: Candidate) -> bool:
         """What was seen from near and never surely looked like the goal; never arrived."""
         self.log("doubt", "it never looked enough like the goal's pictures")
-        if suspect.sights:
-            self._not_again(suspect, suspect.place.range_m(self.pilot.here) < NEAR_M)
+        if candidate.sights:
+            self._not_again(candidate, candidate.place.range_m(self.pilot.here) < NEAR_M)
         return False
 
-    def _driven_on(self, suspect: Suspect, tries: int) -> Suspect:
+    def _driven_on(self, candidate: Candidate, tries: int) -> Candidate:
         """On to where it is by its size, while it looks farther than what was met, or none was."""
         for _ in range(tries):
-            suspect = self._seen_around(suspect)
-            there = self._onward(suspect)
+            candidate = self._seen_around(candidate)
+            there = self._onward(candidate)
             if there is None:
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
-            before, behind = self.pilot.here, replace(suspect, place=_about(there))
-            suspect = self._close_in(behind)
+            before, behind = self.pilot.here, replace(candidate, place=_about(there))
+            candidate = self._close_in(behind)
             if self.pilot.here.distance_to_m(before.xy_m) < _HEADWAY_M:
                 return behind  # from another side, then
-        return suspect
+        return candidate
 
-    def _onward(self, suspect: Suspect) -> Array | None:
+    def _onward(self, candidate: Candidate) -> Array | None:
         """Where it is by its size, (2,), if that is not here or nothing is here; else None."""
-        by_size, there = suspect.by_size(), self._behind_this(suspect)
-        if there is not None or by_size is None or self._is_there(suspect):
+        by_size, there = candidate.by_size(), self._behind_this(candidate)
+        if there is not None or by_size is None or self._is_there(candidate):
             return there
-        came = suspect.place.range_m(self.pilot.here) <= self.pilot.config.arrival_m
+        came = candidate.place.range_m(self.pilot.here) <= self.pilot.config.arrival_m
         return by_size[0] if came else None
 
-    def _is_there(self, suspect: Suspect) -> bool:
+    def _is_there(self, candidate: Candidate) -> bool:
         """Whether the robot has got as near to it as may be, and it is as large as it should be.
 
         It may be nearer than it is believed: what is in the way to it is its own wall, then.
         """
-        by_size = suspect.by_size()
-        places = [suspect.place] if by_size is None else [suspect.place, _about(by_size[0])]
+        by_size = candidate.by_size()
+        places = [candidate.place] if by_size is None else [candidate.place, _about(by_size[0])]
         at = any(self._is_at(place, _NEARLY_M) for place in places)
-        return at and self._behind_this(suspect) is None
+        return at and self._behind_this(candidate) is None
 
-    def _give_up(self, suspect: Suspect) -> bool:
+    def _give_up(self, candidate: Candidate) -> bool:
         """What cannot be reached is tried once more, later; never arrived."""
         self.log("blocked", "no way leads to the goal from here")
-        self._not_again(suspect)
+        self._not_again(candidate)
         return False
 
-    def _not_again(self, suspect: Suspect, refuted: bool = False) -> None:
+    def _not_again(self, candidate: Candidate, refuted: bool = False) -> None:
         """Nothing there is the goal, or else it is tried once more."""
-        if refuted or self._was_blocked(suspect.place):
-            self._mistaken.append((suspect.place.xy_m, suspect.surest))
+        if refuted or self._was_blocked(candidate.place):
+            self._mistaken.append((candidate.place.xy_m, candidate.surest))
         else:
-            self._blocked.append(suspect.place.xy_m)
+            self._blocked.append(candidate.place.xy_m)
 
-    def _was_blocked(self, place: Place) -> bool:
+    def _was_blocked(self, place: Estimate) -> bool:
         return any(_is_near(xy_m, place) for xy_m in self._blocked)
 
-    def _begin(self, suspect: Suspect) -> None:
+    def _begin(self, candidate: Candidate) -> None:
         """It is a suspect no longer: it is driven to."""
         pilot = self.pilot
-        self.suspects = [s for s in self.suspects if s is not suspect]
+        self.candidates = [s for s in self.candidates if s is not candidate]
         self.log(
             "approach", "the goal", len(pilot.looks) - 1,
-            bearing_deg=round(float(np.degrees(suspect.place.bearing_rad(pilot.here))), 1),
-            range_m=round(suspect.place.range_m(pilot.here), 1), chance=round(suspect.chance, 2),
+            bearing_deg=round(float(np.degrees(candidate.place.bearing_rad(pilot.here))), 1),
+            range_m=round(candidate.place.range_m(pilot.here), 1),
+            chance=round(candidate.chance, 2),
         )  # fmt: skip
 
-    def _place_of(self, sight: GoalSight) -> Place:
+    def _place_of(self, sight: GoalSight) -> Estimate:
         """Where the goal's nearest side is."""
         return sighted(self.pilot.here, sight.bearing_rad, sight.surface_m)
 
@@ -220,57 +221,59 @@ class Arrival:
         """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
         return not self.was_mistaken(self._place_of(sight), sight.chance)
 
-    def _is_likely(self, suspect: Suspect) -> bool:
-        return bool(suspect.sights) and suspect.chance >= EVEN
+    def _is_likely(self, candidate: Candidate) -> bool:
+        return bool(candidate.sights) and candidate.chance >= EVEN
 
-    def _is_worth_a_circle(self, suspect: Suspect) -> bool:
+    def _is_worth_a_circle(self, candidate: Candidate) -> bool:
         """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
-        return self._is_likely(suspect) and not self.was_mistaken(suspect.place, suspect.surest)
-
-    def _with_sight(self, suspect: Suspect, sight: GoalSight) -> Suspect:
-        """One more sight of it; a second one from one place tells nothing new."""
-        if not suspect.is_anew(self.pilot.here):
-            return replace(suspect, chance=max(suspect.chance, sight.chance))
-        return replace(
-            suspect,
-            place=suspect.place.with_sight(self._place_of(sight)),
-            chance=max(suspect.chance if suspect.sights else 0.0, sight.chance),
-            sights=(*suspect.sights, (self.pilot.here, sight)),
+        return self._is_likely(candidate) and not self.was_mistaken(
+            candidate.place, candidate.surest
         )
 
-    def _close_in(self, suspect: Suspect) -> Suspect:
+    def _with_sight(self, candidate: Candidate, sight: GoalSight) -> Candidate:
+        """One more sight of it; a second one from one place tells nothing new."""
+        if not candidate.is_anew(self.pilot.here):
+            return replace(candidate, chance=max(candidate.chance, sight.chance))
+        return replace(
+            candidate,
+            place=candidate.place.with_sight(self._place_of(sight)),
+            chance=max(candidate.chance if candidate.sights else 0.0, sight.chance),
+            sights=(*candidate.sights, (self.pilot.here, sight)),
+        )
+
+    def _close_in(self, candidate: Candidate) -> Candidate:
         """Drive up to its side, with a glance every few metres, unless it turns out to be none."""
         pilot, config = self.pilot, self.pilot.config
         glanced_m, looked_m = config.glance_every_m, 0.0
-        until_ns = pilot.until_ns(suspect.place)
-        while pilot.now.time_ns < until_ns and not self._is_at(suspect.place, config.arrival_m):
-            if suspect.place.range_m(pilot.here) <= config.sees_m:
+        until_ns = pilot.until_ns(candidate.place)
+        while pilot.now.time_ns < until_ns and not self._is_at(candidate.place, config.arrival_m):
+            if candidate.place.range_m(pilot.here) <= config.sees_m:
                 if glanced_m >= config.glance_every_m:
                     glanced_m = 0.0
-                    suspect = self._regarded(suspect)
+                    candidate = self._regarded(candidate)
             elif looked_m >= config.look_every_m:
                 looked_m = 0.0
                 sight = self.goal.find(pilot.look_around(), fair=self._is_fair)
                 if sight is not None and sight.chance >= config.least_chance:
                     place = self._place_of(sight)
-                    if suspect.place.astray(place) < _SAME_STD:
-                        suspect = replace(self._with_sight(suspect, sight), place=place)
-                    elif sight.chance > suspect.chance:
-                        suspect = Suspect(place, sight.chance, ((pilot.here, sight),))
-            if suspect.against >= _AGAINST and not self._is_likely(suspect):
+                    if candidate.place.astray(place) < _SAME_STD:
+                        candidate = replace(self._with_sight(candidate, sight), place=place)
+                    elif sight.chance > candidate.chance:
+                        candidate = Candidate(place, sight.chance, ((pilot.here, sight),))
+            if candidate.against >= _AGAINST and not self._is_likely(candidate):
                 break
-            suspect = self._felt(suspect)
-            way_m = pilot.stretch(suspect.place.xy_m, 1.0, 0.5)
+            candidate = self._felt(candidate)
+            way_m = pilot.stretch(candidate.place.xy_m, 1.0, 0.5)
             if way_m is None:
                 break
             glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
             shifted_m = float(np.sqrt(_SHIFTS_M2_PER_M * way_m))
-            suspect = replace(suspect, place=suspect.place.unsure(shifted_m))
-        return self._felt(suspect)
+            candidate = replace(candidate, place=candidate.place.unsure(shifted_m))
+        return self._felt(candidate)
 
-    def _regarded(self, suspect: Suspect) -> Suspect:
+    def _regarded(self, candidate: Candidate) -> Candidate:
         """What a glance at it tells."""
-        pilot, place = self.pilot, suspect.place
+        pilot, place = self.pilot, candidate.place
         bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
         look = pilot.glance(bearing)
         window_rad = float(np.clip(2 * place.std_m / max(range_m, 1.0), 0.2, 1.0))
@@ -279,15 +282,15 @@ class Arrival:
         if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
             shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
             if not SHAPE_M < shown_m < NEAR_M:
-                return suspect  # from so far, or so near to what hides it, it may not be seen
-            left = _at_odds(suspect.chance, _AGAIN)
-            return replace(suspect, chance=left, against=suspect.against + 1)
-        return self._with_sight(suspect, sight)
+                return candidate  # from so far, or so near to what hides it, it may not be seen
+            left = _at_odds(candidate.chance, _AGAIN)
+            return replace(candidate, chance=left, against=candidate.against + 1)
+        return self._with_sight(candidate, sight)
 
-    def _sides(self, suspect: Suspect, n: int) -> Iterator[Place]:
+    def _sides(self, candidate: Candidate, n: int) -> Iterator[Estimate]:
         """Its next sides, each once the robot has driven to look at it."""
         pilot = self.pilot
-        middle, half_m = self._middle(suspect)
+        middle, half_m = self._middle(candidate)
         first = np.arctan2(*(pilot.here.xy_m - middle)[::-1])
         for turn in range(1, n + 1):
             angle = first + turn * np.pi / 3
@@ -299,13 +302,13 @@ class Arrival:
                     break
             yield _about(middle + half_m * outward)
 
-    def _middle(self, suspect: Suspect) -> tuple[Array, float]:
+    def _middle(self, candidate: Candidate) -> tuple[Array, float]:
         """Where its middle is, about, (2,), and how far from its sides."""
-        away = suspect.place.xy_m - self.pilot.here.xy_m
-        half_m = max(_HALF_M, suspect.width_m / 2)
-        return suspect.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1), half_m
+        away = candidate.place.xy_m - self.pilot.here.xy_m
+        half_m = max(_HALF_M, candidate.width_m / 2)
+        return candidate.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1), half_m
 
-    def _is_at(self, place: Place, reach_m: float) -> bool:
+    def _is_at(self, place: Estimate, reach_m: float) -> bool:
         """Whether the goal's side is within reach, and something is there."""
         pilot = self.pilot
         bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
@@ -313,9 +316,9 @@ class Arrival:
             return True
         return range_m <= reach_m and pilot.ahead_m(bearing, _AHEAD_RAD) <= reach_m + _FELT_M
 
-    def _draw_up(self, suspect: Suspect) -> None:
+    def _draw_up(self, candidate: Candidate) -> None:
         """As near as may be: what the range ring met may stand before the goal."""
-        pilot, place = self.pilot, suspect.place
+        pilot, place = self.pilot, candidate.place
         for _ in range(_STEPS_UP):
             if pilot.ahead_m(place.bearing_rad(pilot.here), _AHEAD_RAD) <= _DRAWN_UP_M:
                 break
@@ -324,42 +327,42 @@ class Arrival:
         bearing = place.bearing_rad(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
-        if ahead_m + _THIN_M < front_m < pilot.ways.reach_m and suspect.width_m >= _WIDE_M:
+        if ahead_m + _THIN_M < front_m < pilot.obstacles.reach_m and candidate.width_m >= _WIDE_M:
             self.log("round", "something narrow stands before it")
             there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):
                 if pilot.stretch(there, 0.5, 0.5) is None:
                     break
 
-    def _felt(self, suspect: Suspect) -> Suspect:
+    def _felt(self, candidate: Candidate) -> Candidate:
         """Its side is where the range ring meets something, once it is believed so near.
 
         Not what is met beyond where it was seen last: the robot has passed it.
         """
-        pilot, place = self.pilot, suspect.place
+        pilot, place = self.pilot, candidate.place
         bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
-        if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < pilot.ways.reach_m:
-            return suspect  # what is before it is to be driven around
+        if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < pilot.obstacles.reach_m:
+            return candidate  # what is before it is to be driven around
         met_xy_m = sighted(pilot.here, bearing, ahead_m).xy_m
-        for stood, sight in suspect.sights[-1:]:
+        for stood, sight in candidate.sights[-1:]:
             seen = sighted(stood, sight.bearing_rad, sight.surface_m)
             if float(np.hypot(*(met_xy_m - seen.xy_m))) > _SAME_STD * seen.std_m:
-                return suspect
-        return replace(suspect, place=Place(met_xy_m, place.covariance))
+                return candidate
+        return replace(candidate, place=Estimate(met_xy_m, place.covariance))
 
-    def _seen_around(self, suspect: Suspect) -> Suspect:
+    def _seen_around(self, candidate: Candidate) -> Candidate:
         """What a look all around tells of it."""
         look = self.pilot.look_around()
-        bearing_rad = suspect.place.bearing_rad(self.pilot.here)
+        bearing_rad = candidate.place.bearing_rad(self.pilot.here)
         sight = self.goal.find(look, bearing_rad, _BESIDE_RAD)
-        if sight is None or sight.chance < EVEN or not suspect.is_anew(self.pilot.here):
-            return suspect
-        return replace(suspect, sights=(*suspect.sights, (self.pilot.here, sight)))
+        if sight is None or sight.chance < EVEN or not candidate.is_anew(self.pilot.here):
+            return candidate
+        return replace(candidate, sights=(*candidate.sights, (self.pilot.here, sight)))
 
-    def _behind_this(self, suspect: Suspect) -> Array | None:
+    def _behind_this(self, candidate: Candidate) -> Array | None:
         """Where its side is, (2,), by how large it looked lately, if that is not here."""
-        by_size = suspect.by_size()
+        by_size = candidate.by_size()
         if by_size is None:
             return None
         there, away = by_size
@@ -367,7 +370,7 @@ class Arrival:
         beyond = float(np.hypot(*onward)) > _LOOKS_FAR_M and float(onward @ away) > 0
         return there if beyond and not self._is_along_its_wall(_about(there)) else None
 
-    def _is_along_its_wall(self, place: Place) -> bool:
+    def _is_along_its_wall(self, place: Estimate) -> bool:
         """Whether the robot, seeing it there, looks along its wall, and stands before that."""
         pilot = self.pilot
         bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
@@ -376,9 +379,9 @@ class Arrival:
         return pilot.surface_m(bearing) <= _NEARLY_M
 
 
-def _about(xy_m: Array) -> Place:
+def _about(xy_m: Array) -> Estimate:
     """A place known to some 2 m."""
-    return Place(xy_m, 4.0 * np.eye(2))
+    return Estimate(xy_m, 4.0 * np.eye(2))
 
 
 def _at_odds(chance: float, times: float) -> float:
@@ -387,6 +390,6 @@ def _at_odds(chance: float, times: float) -> float:
     return odds / (odds + 1 - chance)
 
 
-def _is_near(known_xy_m: Array, place: Place) -> bool:
+def _is_near(known_xy_m: Array, place: Estimate) -> bool:
     """Whether a place is one that is known, about."""
     return bool(np.hypot(*(place.xy_m - known_xy_m)) < _DOUBTED_M)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.navigation.driving.estimates import Array, Place
+from vrchain.navigation.driving.estimates import Array, Estimate
 from vrchain.navigation.goal.recognition import BY_CHANCE, GoalSight
 from vrchain.navigation.settings import MissionConfig
 
@@ -24,14 +24,14 @@ _TAKEN_STD = 0.16
 
 
 @dataclass(frozen=True, eq=False)
-class Suspect:
+class Candidate:
     """What may be the goal: its nearest side, and the chance that it is.
 
     sights: the robot's own, and by odometry from where; against: glances from near that did not
     show it.
     """
 
-    place: Place
+    place: Estimate
     chance: float
     sights: tuple[tuple[Pose, GoalSight], ...] = ()
     against: int = 0

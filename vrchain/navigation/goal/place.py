@@ -11,11 +11,11 @@ import numpy as np
 
 from vrchain.homing import HomeVector, home_vector
 from vrchain.navigation.driving.drive import Pilot
-from vrchain.navigation.driving.estimates import Place, sighted
+from vrchain.navigation.driving.estimates import Estimate, sighted
 from vrchain.navigation.goal.arrival import Arrival
-from vrchain.navigation.goal.candidates import EVEN, Suspect
+from vrchain.navigation.goal.candidates import EVEN, Candidate
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.relative_poses import baseline_m
 from vrchain.navigation.settings import Log
 
@@ -32,7 +32,7 @@ class GoalPlace:
     """A place as a robot knows it: what it makes of the panorama taken there."""
 
     look: Look
-    eyes: Eyes
+    perception: Perception
 
     def find(
         self,
@@ -44,11 +44,11 @@ class GoalPlace:
         """Where the place is, by a look around; a view by one camera does not tell."""
         if look.record is None and self.look.record is not None:
             return None
-        found = self.eyes.compare(look, self.look)
+        found = self.perception.compare(look, self.look)
         geometry, range_m = found.geometry, baseline_m(found, look.rig)
         if geometry is None or range_m is None or not found.common:
             return None
-        chance = self.eyes.trust(look, self.look, found)
+        chance = self.perception.trust(look, self.look, found)
         sight = GoalSight(
             geometry.direction_rad, range_m, range_m, 0.0, len(found.common), 0.0, chance
         )
@@ -68,15 +68,15 @@ class PlaceArrival(Arrival):
         super().__init__(pilot, goal, log)
         self._homing = goal.homing
 
-    def is_blocked(self, place: Place) -> bool:
+    def is_blocked(self, place: Estimate) -> bool:
         """Never: what was not found there was sought there."""
         return False
 
-    def drive_to(self, suspect: Suspect) -> bool:
+    def drive_to(self, candidate: Candidate) -> bool:
         """Drive to where the place should be; True if the robot surely stands there."""
         pilot = self.pilot
-        self._begin(suspect)
-        place, told_nothing = suspect.place, 0
+        self._begin(candidate)
+        place, told_nothing = candidate.place, 0
         for _ in range(_LOOKS):
             way_m = float(np.clip(_STEP * place.range_m(pilot.here), *_STEP_M))
             if pilot.stretch(place.xy_m, _NEAR_M, way_m) is None and told_nothing:
@@ -90,11 +90,11 @@ class PlaceArrival(Arrival):
             if told_nothing == _ASTRAY:
                 break
         self.log("doubt", "what is seen here is not what the goal's panorama shows")
-        if suspect.sights:
-            self._not_again(replace(suspect, place=place))
+        if candidate.sights:
+            self._not_again(replace(candidate, place=place))
         return False
 
-    def _told(self, look: Look, home: HomeVector | None, before: Place) -> Place | None:
+    def _told(self, look: Look, home: HomeVector | None, before: Estimate) -> Estimate | None:
         """Where the place is, by homing from near, by all that is in common from afar."""
         here = self.pilot.here
         if home is not None and before.range_m(here) <= _HOMES_M:

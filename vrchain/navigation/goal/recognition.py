@@ -17,7 +17,7 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
-from vrchain.landmarks.retrieval.lookup import Sought, depth, sought, subject, worth_of
+from vrchain.landmarks.retrieval.lookup import Query, depth, sought, subject, worth_of
 from vrchain.landmarks.retrieval.recognition import Goal, Sighting, Template, goal_of, locate
 from vrchain.navigation.perception import Look, surface_m
 from vrchain.navigation.settings import GOAL_RANGE_M
@@ -80,7 +80,7 @@ class GoalPictures:
     may stand elsewhere too. taken_m: from how far, about, each picture was taken.
     """
 
-    shown: Sought
+    shown: Query
     keypoints: Goal
     calibration: Calibration
     taken_m: tuple[float, ...]

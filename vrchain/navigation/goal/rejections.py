@@ -8,9 +8,9 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.driving.drive import Array
-from vrchain.navigation.driving.estimates import Place, sighted
-from vrchain.navigation.driving.targets import stands_of
-from vrchain.navigation.perception import Eyes, Look
+from vrchain.navigation.driving.estimates import Estimate, sighted
+from vrchain.navigation.driving.targets import poses_along
+from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.relative_poses import ORIGIN, SURE
 from vrchain.navigation.planning.route import Leg, Plan, Route
 from vrchain.navigation.settings import Log
@@ -33,7 +33,7 @@ class Driven:
 
         Of each its digest, the pose, and how many legs lead there.
         """
-        stands = stands_of(self.route, self.plan.joins, self.begin)
+        stands = poses_along(self.route, self.plan.poses, self.begin)
         return [
             (self.plan.published[name].digest, stand, n_legs)
             for n_legs, (name, stand) in enumerate(zip(self.route.robots, stands, strict=True))
@@ -41,11 +41,11 @@ class Driven:
         ]
 
 
-class Doubts:
+class Rejections:
     """What was found wrong so far."""
 
-    def __init__(self, eyes: Eyes, index: LandmarkIndex[Look], log: Log) -> None:
-        self._eyes, self._index, self._log = eyes, index, log
+    def __init__(self, perception: Perception, index: LandmarkIndex[Look], log: Log) -> None:
+        self._eyes, self._index, self._log = perception, index, log
         self.refuted: list[tuple[Look, Look]] = []  # that were not joined rightly
         self.sights: set[bytes] = set()  # panoramas whose sight of the goal was a mistake
         self._in_vain: list[Array] = []  # where the goal should have been
@@ -56,11 +56,11 @@ class Doubts:
             return 0.0
         return self._eyes.trust(a, b, compared)
 
-    def was_in_vain(self, goal: Place) -> bool:
+    def was_in_vain(self, goal: Estimate) -> bool:
         """Whether no goal was found there before."""
         return any(np.hypot(*(goal.xy_m - before)) < SAME_M for before in self._in_vain)
 
-    def found_nothing(self, goal: Place, driven: Driven) -> None:
+    def found_nothing(self, goal: Estimate, driven: Driven) -> None:
         """A route was driven to its end, and no goal is there."""
         self._in_vain.append(goal.xy_m)
         self.blame(driven)
@@ -107,8 +107,8 @@ class Doubts:
 
 def _is_one_thing(plan: Plan, a: str, b: str) -> bool:
     """Whether what two surely joined panoramas take for the goal is in one place."""
-    stand = plan.joins.stand(a, b)
-    if stand is None or plan.joins.trust((a, b)) < SURE:
+    stand = plan.poses.between(a, b)
+    if stand is None or plan.poses.trust((a, b)) < SURE:
         return False
     one, other = (
         sighted(pose, sight.bearing_rad, sight.surface_m).xy_m

@@ -9,7 +9,13 @@ from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.odometry import linked, trails
 from vrchain.navigation.planning.pair_selection import bridges, partners
-from vrchain.navigation.planning.relative_poses import ORIGIN, Join, Joins, Pair, stand_of
+from vrchain.navigation.planning.relative_poses import (
+    ORIGIN,
+    Pair,
+    RelativePose,
+    RelativePoses,
+    pose_from,
+)
 from vrchain.navigation.settings import Published, age_of, robot_of
 
 _BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
@@ -38,14 +44,16 @@ class Compared:
         self._own, self._known, self._index, self._trust = own, known, index, trust
         self._place = {name: k for k, name in enumerate(self.names)}
         stands = combinations(zip(own, stood, strict=False), 2)
-        self._joins = {(a, b): Join(relative(p, q), 1.0) for (a, p), (b, q) in stands}
+        self._poses = {(a, b): RelativePose(relative(p, q), 1.0) for (a, p), (b, q) in stands}
         self.trails = trails(known, self.looks)
-        self._joins |= {
-            (a, b): Join(moved, 1.0) for trail in self.trails for a, b, moved in linked(trail)
+        self._poses |= {
+            (a, b): RelativePose(moved, 1.0)
+            for trail in self.trails
+            for a, b, moved in linked(trail)
         }
         self._left: list[Pair] = []  # not compared, the likeliest first
         self._bridged = 0
-        self._told: Joins | None = None  # until something more is compared
+        self._told: RelativePoses | None = None  # until something more is compared
 
     def in_order(self, a: str, b: str) -> Pair:
         """The two in the order of ``names``."""
@@ -60,7 +68,7 @@ class Compared:
             found = self._index.compare(self._known[a].digest, digest)
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
-        self._joins[a, b] = Join(stand_of(ORIGIN, found, self.looks[a].rig), trust)
+        self._poses[a, b] = RelativePose(pose_from(ORIGIN, found, self.looks[a].rig), trust)
         self._told = None
         return trust
 
@@ -69,17 +77,17 @@ class Compared:
         pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self._own]
         pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
         for pair in partners(self.names, pairs):
-            if pair not in self._joins and pair[1] not in self._own:
+            if pair not in self._poses and pair[1] not in self._own:
                 self.compare(*pair)
-        self._left = [pair for pair in pairs if pair not in self._joins]
+        self._left = [pair for pair in pairs if pair not in self._poses]
         self.bridge(seers)
 
     def bridge(self, seers: Set[str]) -> bool:
         """Compare what may join those that see the goal to the robot's own; False: nothing may."""
         if not seers or self._bridged >= _BRIDGES:
             return False
-        joins = self.joins()
-        rights = {pair: joins.trust(pair) for pair in self._joins}
+        poses = self.poses()
+        rights = {pair: poses.trust(pair) for pair in self._poses}
         left = [pair for pair in self._left if pair not in rights]
         before, asked = self._index.n_compared, False
         for pair in bridges(self.names, left, rights, set(self._own), seers):
@@ -90,20 +98,20 @@ class Compared:
                 break
         return asked
 
-    def joins(self) -> Joins:
+    def poses(self) -> RelativePoses:
         """How panoramas were joined, by all comparisons so far and by odometry."""
         if self._told is None:
-            self._told = Joins(self._joins)
+            self._told = RelativePoses(self._poses)
         return self._told
 
     def check(self, pairs: Iterable[Pair]) -> bool:
         """Compare what tells more of joins that are unsure; False if there is nothing to ask."""
-        joins = self.joins()
+        poses = self.poses()
         asked_for = [self.in_order(a, b) for a, b in pairs]
         unsure = [
-            p for p in asked_for if p in self.found and _UNSURE[0] < joins.trust(p) < _UNSURE[1]
+            p for p in asked_for if p in self.found and _UNSURE[0] < poses.trust(p) < _UNSURE[1]
         ]
-        asked = {self.in_order(*other) for pair in unsure for other in joins.unasked(pair)}
+        asked = {self.in_order(*other) for pair in unsure for other in poses.unasked(pair)}
         asked -= set(combinations(self._own, 2))  # odometry tells
         for pair in sorted(asked):
             self.compare(*pair)

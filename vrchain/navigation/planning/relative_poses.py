@@ -31,34 +31,34 @@ ORIGIN = Pose(0.0, 0.0)
 
 
 @dataclass(frozen=True)
-class Join:
+class RelativePose:
     """What a comparison of two panoramas tells.
 
-    stand: where the second was taken, in the frame of the first; None: nothing tells. trust: the
+    pose: where the second was taken, in the frame of the first; None: nothing tells. trust: the
     chance that they were joined rightly.
     """
 
-    stand: Pose | None
+    pose: Pose | None
     trust: float
 
 
-class Joins:
+class RelativePoses:
     """Joins of panoramas, and what they say of each other."""
 
-    def __init__(self, joins: Mapping[Pair, Join]) -> None:
-        self._joins: dict[Pair, Join] = {}  # either way round
+    def __init__(self, poses: Mapping[Pair, RelativePose]) -> None:
+        self._poses: dict[Pair, RelativePose] = {}  # either way round
         self._sure: dict[str, list[str]] = {}
-        for (a, b), join in joins.items():
-            back = None if join.stand is None else relative(join.stand, ORIGIN)
-            self._joins |= {(a, b): join, (b, a): Join(back, join.trust)}
-            if join.trust >= SURE and join.stand is not None:
+        for (a, b), known in poses.items():
+            back = None if known.pose is None else relative(known.pose, ORIGIN)
+            self._poses |= {(a, b): known, (b, a): RelativePose(back, known.trust)}
+            if known.trust >= SURE and known.pose is not None:
                 self._sure.setdefault(a, []).append(b)
                 self._sure.setdefault(b, []).append(a)
 
-    def stand(self, a: str, b: str) -> Pose | None:
+    def between(self, a: str, b: str) -> Pose | None:
         """Where B was taken, in A's frame; None: nothing tells."""
-        join = self._joins.get((a, b))
-        return None if join is None else join.stand
+        known = self._poses.get((a, b))
+        return None if known is None else known.pose
 
     def reached(self, known: Mapping[str, Pose]) -> dict[str, Pose]:
         """Where panoramas were taken that hang together, by sure joins, with some whose place is
@@ -68,26 +68,26 @@ class Joins:
         waiting = list(found)
         for here in waiting:  # grows
             for there in self._sure.get(here, []):
-                stand = self._joins[here, there].stand
-                if there not in found and stand is not None and self.trust((here, there)) >= SURE:
-                    found[there] = placed(found[here], stand)
+                pose = self._poses[here, there].pose
+                if there not in found and pose is not None and self.trust((here, there)) >= SURE:
+                    found[there] = placed(found[here], pose)
                     waiting.append(there)
         return found
 
     def trust(self, pair: Pair) -> float:
         """The chance that two were joined rightly, by what others say too."""
-        join = self._joins[pair]
-        if not 0 < join.trust < 1:
-            return join.trust
+        known = self._poses[pair]
+        if not 0 < known.trust < 1:
+            return known.trust
         said = [self._speaks(*witness) for witness in self._witnesses(pair)]
         heard = [odds for odds in said if odds is not None][:_HEARD]
-        odds = join.trust / (1 - join.trust) * prod(heard)
+        odds = known.trust / (1 - known.trust) * prod(heard)
         return float(odds / (1 + odds))
 
     def unasked(self, pair: Pair) -> list[Pair]:
         """What might yet be compared to know more of two that were joined, the nearest first."""
         nearest = self._witnesses(pair)[:_HEARD]
-        return [(third, other) for third, other, _ in nearest if (third, other) not in self._joins]
+        return [(third, other) for third, other, _ in nearest if (third, other) not in self._poses]
 
     def _witnesses(self, pair: Pair) -> list[tuple[str, str, Pose]]:
         """Others that know one of the two; the other; where it is for them if the two are right.
@@ -96,14 +96,14 @@ class Joins:
         """
         found: list[tuple[float, str, str, Pose]] = []
         for here, there in (pair, pair[::-1]):
-            stand = self._joins[here, there].stand
-            if stand is None:
+            pose = self._poses[here, there].pose
+            if pose is None:
                 continue
             for third in self._sure.get(here, []):
-                back = self._joins[third, here].stand
+                back = self._poses[third, here].pose
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
                     continue
-                told = placed(back, stand)
+                told = placed(back, pose)
                 range_m = float(np.hypot(*told.xy_m))
                 if _APART_M <= range_m <= _NEAR_M:
                     found.append((range_m, third, there, told))
@@ -114,15 +114,15 @@ class Joins:
 
     def _speaks(self, here: str, there: str, told: Pose) -> float | None:
         """The odds by a join that should tell so much; None: the two were not compared."""
-        join = self._joins.get((here, there))
-        if join is None:
+        known = self._poses.get((here, there))
+        if known is None:
             return None
-        stand, firm = join.stand, join.trust >= _FIRM
-        if stand is None or join.trust < _TOLD:
+        pose, firm = known.pose, known.trust >= _FIRM
+        if pose is None or known.trust < _TOLD:
             return _AGAINST
-        way_m = max(float(np.hypot(*stand.xy_m)), float(np.hypot(*told.xy_m)))
-        turned = abs(float(wrap_angle_rad(stand.yaw_rad - told.yaw_rad)))
-        off = max(stand.distance_to_m(told.xy_m) / (_OFF_M + _OFF * way_m), turned / _OFF_RAD)
+        way_m = max(float(np.hypot(*pose.xy_m)), float(np.hypot(*told.xy_m)))
+        turned = abs(float(wrap_angle_rad(pose.yaw_rad - told.yaw_rad)))
+        off = max(pose.distance_to_m(told.xy_m) / (_OFF_M + _OFF * way_m), turned / _OFF_RAD)
         if firm:
             return _FOR if off <= 1.0 else _DENIED if off > _ELSEWHERE else 1.0
         return 1.0 if off <= 1.0 else _AGAINST
@@ -135,7 +135,7 @@ def baseline_m(found: Comparison, rig: CameraRig) -> float | None:
     return float(found.geometry.baseline_heights * rig.camera_height_m)
 
 
-def stand_of(here: Pose, found: Comparison, rig: CameraRig) -> Pose | None:
+def pose_from(here: Pose, found: Comparison, rig: CameraRig) -> Pose | None:
     """Where the other panorama was taken, if the one was at ``here``; None: nothing tells."""
     geometry, way_m = found.geometry, baseline_m(found, rig)
     if geometry is None or way_m is None:

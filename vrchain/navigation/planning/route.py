@@ -20,7 +20,7 @@ from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.comparisons import Compared
 from vrchain.navigation.planning.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planning.planner import Chain
-from vrchain.navigation.planning.relative_poses import Joins, Pair, baseline_m
+from vrchain.navigation.planning.relative_poses import Pair, RelativePoses, baseline_m
 from vrchain.navigation.settings import Published, panorama_name
 from vrchain.panorama import CameraRig
 
@@ -99,7 +99,7 @@ class Plan:
     unreadable: tuple[str, ...]
     published: Mapping[str, Published] = field(default_factory=dict)
     looks: Mapping[str, Look] = field(default_factory=dict)
-    joins: Joins = field(default_factory=lambda: Joins({}))
+    poses: RelativePoses = field(default_factory=lambda: RelativePoses({}))
 
     @property
     def digests(self) -> frozenset[bytes]:
@@ -164,9 +164,9 @@ def plan(
         return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5) % 72
 
     def routes() -> tuple[LandmarkGraph, tuple[Route, ...]]:
-        joins = panoramas.joins()
+        poses = panoramas.poses()
         rights = {
-            pair: joins.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
+            pair: poses.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
             for pair in panoramas.found
         }
         ways = [tuple(own), *([name for name, _ in trail] for trail in panoramas.trails)]
@@ -192,13 +192,13 @@ def plan(
             break
         graph, found = routes()
     best, spare = (_weighed(found[0], panoramas), found[1:]) if found else (None, ())
-    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.joins())
+    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.poses())
 
 
 def _weighed(route: Route, panoramas: Compared) -> Route:
     """A route with the trust in it."""
-    joins = panoramas.joins()
-    legs = [replace(leg, trust=joins.trust((leg.seen_by, leg.next_by))) for leg in route.legs]
+    poses = panoramas.poses()
+    legs = [replace(leg, trust=poses.trust((leg.seen_by, leg.next_by))) for leg in route.legs]
     right = prod(leg.trust for leg in legs)
     return replace(route, legs=tuple(legs), trust=route.sighting.chance * right)
 

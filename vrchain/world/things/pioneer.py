@@ -96,9 +96,9 @@ def _body(model: Model, rng: np.random.Generator) -> None:
     for i, part in enumerate(_ring(hull, 0.07, 0.2)):
         model.add(part, red if i else front, 0.9)
     model.add(_level(hull, 0.2), red)
-    eyes = {n: model.patch(_sonars(n)) for n in (2, 4)}
+    perception = {n: model.patch(_sonars(n)) for n in (2, 4)}
     for i, part in enumerate(_ring(_octagon(0.235, 0.15, 0.08), 0.2, _DECK_M)):  # long sides: 2, 6
-        model.add(part, eyes[4 if i in (2, 6) else 2])
+        model.add(part, perception[4 if i in (2, 6) else 2])
     plate = _octagon(SIZE_M[0] / 2, 0.19, 0.1)
     model.add(join(_ring(plate, _DECK_M, SIZE_M[2])), black)
     model.add(_level(plate, SIZE_M[2]), black)
