@@ -8,7 +8,8 @@ import pytest
 from numpy.typing import NDArray
 
 from vrchain.seeding import generator
-from vrchain.world.buildings import barn, facade_style, house_plans, houses, shop_plans, shops
+from vrchain.world import drawing
+from vrchain.world.buildings import barn, facade_style, houses, plans, shops
 from vrchain.world.model import Surface
 
 SEEDS = (2000, 3000)
@@ -18,7 +19,7 @@ _PX_PER_M, _WIDTH_M, _HEIGHT_M = 8, 16.0, 10.0
 
 def house(seed: int, index: int, again: str = "") -> Surface:
     """House ``index`` of a suburb as it is built there; ``again``: of the same plan, repainted."""
-    plan = house_plans.draw_plan(generator(seed, "house", index, "plan"), 0.35)
+    plan = plans.draw_house(generator(seed, "house", index, "plan"), 0.35)
     (surface,) = houses.build(plan, generator(seed, "house" + again, index), index)
     return surface
 
@@ -70,7 +71,7 @@ def nearest(pictures: list[NDArray[np.float32]]) -> NDArray[np.float64]:
 def test_no_two_houses_share_a_picture_or_a_plan(built: list[Surface]) -> None:
     assert len({s.texture.tobytes() for s in built}) == len(built)
     plans = {
-        house_plans.draw_plan(generator(seed, "house", k, "plan"), 0.35)
+        plans.draw_house(generator(seed, "house", k, "plan"), 0.35)
         for seed in SEEDS
         for k in range(1, N + 1)
     }
@@ -95,7 +96,7 @@ def test_there_are_tens_of_combinations() -> None:
     walls, kinds = Counter(), Counter()
     for seed in range(5):
         for k in range(1, N + 1):
-            plan = house_plans.draw_plan(generator(seed, "house", k, "plan"), 0.35)
+            plan = plans.draw_house(generator(seed, "house", k, "plan"), 0.35)
             style = facade_style.random_style(generator(seed, "house", k), k)
             hue = int(np.argmax(style.wall_rgb)), round(sum(style.wall_rgb) / 128)
             door = int(np.argmax(style.door_rgb))
@@ -108,7 +109,7 @@ def test_there_are_tens_of_combinations() -> None:
 
 
 def test_shops_have_names_and_fronts_of_their_own() -> None:
-    plans = [shop_plans.draw_plan(generator(seed, "shop", k)) for seed in range(10) for k in (1, 2)]
+    plans = [plans.draw_shop(generator(seed, "shop", k)) for seed in range(10) for k in (1, 2)]
     assert len({(p.name, p.trade) for p in plans}) == len(plans)
     built = [shops.build(p, generator(k, "build"))[0] for k, p in enumerate(plans)]
     assert len({s.texture.tobytes() for s in built}) == len(built)
@@ -118,7 +119,7 @@ def test_shops_have_names_and_fronts_of_their_own() -> None:
 def test_a_sign_is_as_large_as_its_letters_and_reads() -> None:
     """Lettering covers a good part of its board and stands off it."""
     board = np.full((39, 480, 3), 30, dtype=np.uint8)
-    shops.write(board, "Quilford BAKERY", cv2.FONT_HERSHEY_DUPLEX, (250.0, 250.0, 250.0), 0.7)
+    drawing.write(board, "Quilford BAKERY", cv2.FONT_HERSHEY_DUPLEX, (250.0, 250.0, 250.0), 0.7)
     ink = (board > 140).all(axis=2)
     rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
     assert np.ptp(rows) > 0.4 * 39
@@ -131,7 +132,7 @@ def test_a_sign_is_as_large_as_its_letters_and_reads() -> None:
 
 @pytest.mark.parametrize("seed", range(6))
 def test_a_barn_stands_within_its_outline(seed: int) -> None:
-    plan = barn.draw_plan(np.random.default_rng(seed))
+    plan = plans.draw_barn(np.random.default_rng(seed))
     (surface,) = barn.build(plan, np.random.default_rng(seed))
     points = surface.vertices_m
     assert abs(points[:, 2].min()) < 1e-6
@@ -147,5 +148,5 @@ def test_a_barn_stands_within_its_outline(seed: int) -> None:
 
 def test_no_two_barns_look_alike() -> None:
     rngs = [generator(seed, "barn") for seed in range(12)]
-    built = [barn.build(barn.draw_plan(rng), rng)[0] for rng in rngs]
+    built = [barn.build(plans.draw_barn(rng), rng)[0] for rng in rngs]
     assert nearest([front(s) for s in built]).min() > 4.0

@@ -8,9 +8,9 @@ import numpy as np
 
 from vrchain import seeding
 from vrchain.world import gazebo
+from vrchain.world.backdrop import outdoors
 from vrchain.world.buildings import barn, houses, shops
 from vrchain.world.model import Scene, SceneObject, Surface, place
-from vrchain.world.outdoors import outdoors
 from vrchain.world.spec import SceneSpec, load_spec
 from vrchain.world.suburb import barnyard, ground
 from vrchain.world.suburb.layout import Layout, draw_layout

@@ -6,6 +6,7 @@ into one texture sheet, so that an object is one Surface. Model frame: metres, z
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -17,6 +18,40 @@ from vrchain.world.model import Surface
 Image = NDArray[np.uint8]
 _SHEET_PX = 560  # about as wide as a sheet gets
 _MARGIN_PX = 4  # a patch's rim is repeated around it, so that small mip levels do not mix patches
+
+
+class Rect(NamedTuple):
+    """An upright rectangle on the ground, metres."""
+
+    x0: float
+    y0: float
+    x1: float
+    y1: float
+
+    @property
+    def width_m(self) -> float:
+        return self.x1 - self.x0
+
+    @property
+    def depth_m(self) -> float:
+        return self.y1 - self.y0
+
+    @property
+    def middle_x_m(self) -> float:
+        return (self.x0 + self.x1) / 2
+
+    def shifted(self, dx: float, dy: float) -> "Rect":
+        return Rect(self.x0 + dx, self.y0 + dy, self.x1 + dx, self.y1 + dy)
+
+    def grown(self, rim_m: float) -> "Rect":
+        return Rect(self.x0 - rim_m, self.y0 - rim_m, self.x1 + rim_m, self.y1 + rim_m)
+
+    def side(self, name: str) -> tuple[tuple[float, float], tuple[float, float]]:
+        """Ends of side f (-y), b (+y), l (-x) or r (+x), left to right as seen from outside."""
+        x0, y0, x1, y1 = self
+        corners = ((x0, y0), (x1, y0), (x1, y1), (x0, y1), (x0, y0))
+        first = "frbl".index(name)
+        return corners[first], corners[first + 1]
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,18 +98,29 @@ def box(
 ) -> Part:
     """An upright box between two corners; sides f (-y), b (+y), l (-x), r (+x)."""
     (x0, y0, z0), (x1, y1, z1) = np.asarray(low, dtype=float), np.asarray(high, dtype=float)
-    ends = {
-        "f": ((x0, y0), (x1, y0)),
-        "r": ((x1, y0), (x1, y1)),
-        "b": ((x1, y1), (x0, y1)),
-        "l": ((x0, y1), (x0, y0)),
-    }
-    parts = [wall(*ends[s], z0, z1) for s in sides]
+    parts = [wall(*Rect(x0, y0, x1, y1).side(s), z0, z1) for s in sides]
     if top:
         parts.append(polygon([(x0, y0, z1), (x1, y0, z1), (x1, y1, z1), (x0, y1, z1)]))
     if bottom:
         parts.append(polygon([(x0, y1, z0), (x1, y1, z0), (x1, y0, z0), (x0, y0, z0)]))
     return join(parts)
+
+
+def grid_faces(rows: int, columns: int) -> NDArray[np.int64]:
+    """Triangles (k, 3) between points in rows, anticlockwise where rows go upwards."""
+    low = (np.arange(rows - 1)[:, None] * columns + np.arange(columns - 1)).ravel()
+    high = low + columns
+    return np.concatenate(
+        [np.stack([low, low + 1, high + 1], 1), np.stack([low, high + 1, high], 1)]
+    )
+
+
+def sphere(turn_rad: NDArray[np.float64], tilt_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Unit vectors (..., 3) at azimuths from +x, and at elevations."""
+    flat = np.cos(tilt_rad)
+    return np.stack(
+        [flat * np.cos(turn_rad), flat * np.sin(turn_rad), np.sin(tilt_rad) + 0 * turn_rad], axis=-1
+    )
 
 
 def tube(
@@ -98,40 +144,24 @@ def tube(
     points = np.concatenate([a + radius_m * ring, b + far * ring])
     u = np.linspace(0, 1, n + 1)
     uv = np.stack([np.tile(u, 2), np.repeat([0.0, 1.0], n + 1)], axis=1)
-    i = np.arange(n)
-    faces = np.concatenate(
-        [np.stack([i, i + 1, n + 2 + i], 1), np.stack([i, n + 2 + i, n + 1 + i], 1)]
-    )
-    parts = [Part(points, faces, uv)]
+    parts = [Part(points, grid_faces(2, n + 1), uv)]
     if cap:
         disc = 0.5 + 0.5 * np.concatenate([np.cos(turn), np.sin(turn)], axis=1)[:-1]
         parts.append(polygon((b + far * ring)[:-1], disc))
     return join(parts)
 
 
-def blob(
-    centre: ArrayLike,
-    radii: ArrayLike,
-    n: int = 10,
-    rings: int = 7,
-) -> Part:
+def blob(centre: ArrayLike, radii: ArrayLike, n: int = 10, rings: int = 7) -> Part:
     """A ball-like shape of ``rings`` levels, pole to pole, and ``n`` points around."""
     turn, tilt = np.meshgrid(
         np.linspace(0, 2 * np.pi, n + 1), np.linspace(-np.pi / 2, np.pi / 2, rings)
     )
-    unit = np.stack(
-        [np.cos(tilt) * np.cos(turn), np.cos(tilt) * np.sin(turn), np.sin(tilt)], axis=-1
-    )
-    unit = unit.reshape(-1, 3)
+    unit = sphere(turn, tilt).reshape(-1, 3)
     points = np.asarray(centre, dtype=float) + unit * np.asarray(radii, dtype=float)
     seam = np.arange(rings) * (n + 1)
     points[seam + n] = points[seam]  # cos(2 pi) is not exactly cos(0)
     uv = np.stack([turn / (2 * np.pi), tilt / np.pi + 0.5], axis=-1).reshape(-1, 2)
-    lower = (np.arange(rings - 1)[:, None] * (n + 1) + np.arange(n)).ravel()
-    upper = lower + n + 1
-    faces = np.concatenate(
-        [np.stack([lower, lower + 1, upper + 1], 1), np.stack([lower, upper + 1, upper], 1)]
-    )
+    faces = grid_faces(rings, n + 1)
     a, b, c = (points[faces[:, i]] for i in range(3))
     keep = np.linalg.norm(np.cross(b - a, c - a), axis=1) > 1e-9  # the poles' empty triangles
     return Part(points, faces[keep], uv)
@@ -152,9 +182,19 @@ class Model:
         self._patches.append(image)
         return len(self._patches) - 1
 
-    def add(self, part: Part, patch: int, shade: float | NDArray[np.float64] = 1.0) -> None:
-        """Add a part that shows a patch; ``shade``: how open to the sky, one or (n,), 0..1."""
+    def add(self, part: Part, patch: int | Image, shade: float | NDArray[np.float64] = 1.0) -> None:
+        """Add a part that shows a patch or a new picture; ``shade``: how open to the sky, one or
+        (n,), 0..1."""
+        patch = patch if isinstance(patch, int) else self.patch(patch)
         self._parts.append((part, patch, np.broadcast_to(shade, len(part.points)).astype(float)))
+
+    def add_drum(
+        self, start: ArrayLike, end: ArrayLike, radius_m: float, n: int, side: int, cap: int
+    ) -> None:
+        """Add a round rod that shows one patch on its side and another on its far end."""
+        rod, first = tube(start, end, radius_m, n=n, cap=True), 2 * (n + 1)
+        self.add(Part(rod.points[:first], rod.faces[: 2 * n], rod.uv[:first]), side)
+        self.add(Part(rod.points[first:], rod.faces[2 * n :] - first, rod.uv[first:]), cap)
 
     def surface(self) -> Surface:
         """Everything added, as one Surface in the model's frame."""

@@ -10,6 +10,7 @@ from collections.abc import Callable
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from vrchain.world.shapes import Image
@@ -17,7 +18,7 @@ from vrchain.world.shapes import Image
 Colour = tuple[float, float, float]
 Shape = tuple[int, int]
 Field = NDArray[np.float32]
-Material = Callable[[np.random.Generator, Shape, Colour, float], Image]
+Material = Callable[[Generator, Shape, Colour, float], Image]
 
 
 def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
@@ -28,13 +29,18 @@ def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
     return 255 * r, 255 * g, 255 * b
 
 
+def random_hsv(rng: Generator, *ranges: tuple[float, float] | float) -> Colour:
+    """A random colour; ranges of hue in degrees, saturation and value, or one number of each."""
+    return hsv(*(rng.uniform(*r) if isinstance(r, tuple) else r for r in ranges))
+
+
 def times(colour: Colour, factor: float) -> Colour:
     """A darker or lighter colour, white at most."""
     r, g, b = (min(255.0, factor * c) for c in colour)
     return r, g, b
 
 
-def noise(rng: np.random.Generator, shape: Shape, cell_px: float, *, tile: bool = False) -> Field:
+def noise(rng: Generator, shape: Shape, cell_px: float, *, tile: bool = False) -> Field:
     """Smooth noise of mean 0 and deviation about 1, features of ``cell_px``; (h, w) float32."""
     h, w = shape
     rows, cols = max(2, round(h / cell_px)), max(2, round(w / cell_px))
@@ -54,7 +60,7 @@ def noise(rng: np.random.Generator, shape: Shape, cell_px: float, *, tile: bool 
 
 
 def fractal(
-    rng: np.random.Generator, shape: Shape, cell_px: float, octaves: int = 4, *, tile: bool = False
+    rng: Generator, shape: Shape, cell_px: float, octaves: int = 4, *, tile: bool = False
 ) -> Field:
     """Noise summed over halving cells and amplitudes; (h, w) float32, deviation about 1."""
     total = np.zeros(shape, dtype=np.float32)
@@ -71,15 +77,13 @@ def coloured(base: Colour, brightness: Field, tint: Field | None = None) -> Imag
     return np.clip(image, 0, 255).astype(np.uint8)
 
 
-def plain(
-    rng: np.random.Generator, base: Colour, shape: Shape = (24, 24), rough: float = 0.05
-) -> Image:
+def plain(rng: Generator, base: Colour, shape: Shape = (24, 24), rough: float = 0.05) -> Image:
     """A nearly uniform colour."""
     return coloured(base, rough * noise(rng, shape, 2) + rough * noise(rng, shape, 8))
 
 
 def _cells(
-    rng: np.random.Generator, shape: Shape, cell_h: float, cell_w: float, stagger: float
+    rng: Generator, shape: Shape, cell_h: float, cell_w: float, stagger: float
 ) -> tuple[Field, Field, Field, Field]:
     """Courses of units: draws of brightness and warmth of each, and (dy, dx) in px inside it."""
     h, w = shape
@@ -96,7 +100,7 @@ def _cells(
     return value, warmth, dy, shifted - unit * np.float32(cell_w)
 
 
-def brick(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def brick(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Bricks in running bond, each of its own shade, in light or dark mortar."""
     cell_h, cell_w = rng.uniform(0.09, 0.13) * px_per_m, rng.uniform(0.26, 0.4) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, rng.choice([0.5, 0.33, 0.25]))
@@ -108,7 +112,7 @@ def brick(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float)
     return image
 
 
-def siding(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def siding(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Horizontal boards that overlap: a dark line under each, streaky wood."""
     cell_h, cell_w = rng.uniform(0.14, 0.26) * px_per_m, rng.uniform(1.6, 3.6) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, 0.37)
@@ -123,14 +127,14 @@ def siding(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float
     return coloured(base, light, 4 * warmth)
 
 
-def boards(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def boards(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Upright boards with battens over their joints."""
     h, w = shape
     turned = siding(rng, (w, h), base, px_per_m)
     return np.ascontiguousarray(np.rot90(turned))
 
 
-def shakes(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def shakes(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Wooden shingles on a wall, uneven in width and shade."""
     cell_h, cell_w = rng.uniform(0.22, 0.34) * px_per_m, rng.uniform(0.14, 0.26) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, 0.41)
@@ -139,7 +143,7 @@ def shakes(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float
     return coloured(base, light, 10 * warmth)
 
 
-def plaster(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def plaster(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Rough plaster with stains, patches and a few cracks."""
     light = 0.05 * fractal(rng, shape, 0.8 * px_per_m, 4) + 0.035 * noise(rng, shape, 1.5)
     h, w = shape
@@ -153,7 +157,7 @@ def plaster(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: floa
     return image
 
 
-def half_timber(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def half_timber(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Plaster between dark beams: posts, rails and braces."""
     image = plaster(rng, shape, base, px_per_m)
     h, w = shape
@@ -175,7 +179,7 @@ def half_timber(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: 
     return image
 
 
-def stone(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def stone(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Uneven stones: the cells nearest to jittered points, with joints between."""
     h, w = shape
     cell = rng.uniform(0.24, 0.42) * px_per_m
@@ -203,7 +207,7 @@ def stone(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float)
     return image
 
 
-def tiles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def tiles(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """Glazed tiles in straight courses, glossy, a few of another shade."""
     side = rng.uniform(0.14, 0.26) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, side, side * rng.choice([1.0, 2.0]), 0.0)
@@ -213,7 +217,7 @@ def tiles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float)
     return image
 
 
-def shingles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def shingles(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """A roof: rows of shingles or tiles, with moss or bleached patches."""
     cell_h, cell_w = rng.uniform(0.24, 0.36) * px_per_m, rng.uniform(0.24, 0.5) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, rng.choice([0.5, 0.29, 0.0]))
@@ -222,7 +226,7 @@ def shingles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: flo
     return coloured(base, light, 9 * warmth)
 
 
-def pantiles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def pantiles(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """A roof of rounded tiles: upright ribs, stepped at every course."""
     cell_h, cell_w = rng.uniform(0.3, 0.4) * px_per_m, rng.uniform(0.24, 0.34) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, 0.0)
@@ -231,7 +235,7 @@ def pantiles(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: flo
     return coloured(base, light.astype(np.float32), 10 * warmth)
 
 
-def metal_sheet(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
+def metal_sheet(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     """A roof of metal sheets with upright seams."""
     pitch = rng.uniform(0.35, 0.6) * px_per_m
     x = np.arange(shape[1], dtype=np.float32)[None, :] % np.float32(pitch)
@@ -243,7 +247,7 @@ def metal_sheet(rng: np.random.Generator, shape: Shape, base: Colour, px_per_m: 
     return coloured(base, light.astype(np.float32), 5 * noise(rng, shape, 10))
 
 
-def wood(rng: np.random.Generator, shape: Shape, base: Colour, along_x: bool = False) -> Image:
+def wood(rng: Generator, shape: Shape, base: Colour, along_x: bool = False) -> Image:
     """Grain along y (or x) and a few knots."""
     h, w = shape
     white = rng.standard_normal(shape, dtype=np.float32)
@@ -255,7 +259,7 @@ def wood(rng: np.random.Generator, shape: Shape, base: Colour, along_x: bool = F
     return image
 
 
-def leaves(rng: np.random.Generator, shape: Shape, base: Colour, leaf_px: float) -> Image:
+def leaves(rng: Generator, shape: Shape, base: Colour, leaf_px: float) -> Image:
     """Foliage: leaves ``leaf_px`` long strewn over dark gaps, later ones lighter; tiles in x."""
     h, w = shape
     clumps = fractal(rng, shape, 8 * leaf_px, 3, tile=True)
@@ -285,7 +289,7 @@ def _leaf_stamps(leaf_px: float) -> list[NDArray[np.int64]]:
     return stamps
 
 
-def bark(rng: np.random.Generator, shape: Shape, base: Colour) -> Image:
+def bark(rng: Generator, shape: Shape, base: Colour) -> Image:
     """Upright ridges, tileable sideways."""
     h, w = shape
     short = noise(rng, (max(2, h // 8), w), 3, tile=True)
@@ -294,7 +298,7 @@ def bark(rng: np.random.Generator, shape: Shape, base: Colour) -> Image:
 
 
 def ground(
-    rng: np.random.Generator, base: Colour, contrast: float, warmth: float, size_px: int = 512
+    rng: Generator, base: Colour, contrast: float, warmth: float, size_px: int = 512
 ) -> Image:
     """Tileable ground: fine grain over broad patches without a feature that catches the eye."""
     shape = (size_px, size_px)
@@ -307,7 +311,7 @@ def ground(
     )
 
 
-def paving(rng: np.random.Generator, base: Colour, slab_px: int, size_px: int = 512) -> Image:
+def paving(rng: Generator, base: Colour, slab_px: int, size_px: int = 512) -> Image:
     """Tileable slabs; ``size_px`` is rounded to whole slabs."""
     n = max(1, round(size_px / slab_px))
     shape = (n * slab_px, n * slab_px)

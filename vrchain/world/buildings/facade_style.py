@@ -1,18 +1,18 @@
-"""What the walls of one house have in common: materials, colours, kinds of windows."""
+"""What the walls of one building have in common: materials, colours, kinds of windows."""
 
 from dataclasses import dataclass
 
-import numpy as np
+from numpy.random import Generator
 
 from vrchain.world import textures
-from vrchain.world.textures import Colour
+from vrchain.world.textures import Colour, random_hsv
 
 PX_PER_M = 30.0  # of a facade: 3.3 cm a texel
 
 
 @dataclass(frozen=True)
 class Style:
-    """What the walls of one house have in common."""
+    """What the walls of one building have in common."""
 
     material: textures.Material
     wall_rgb: Colour
@@ -44,8 +44,6 @@ _MATERIALS = (
     (textures.stone, (20, 50), (0.05, 0.25), (0.55, 0.8)),
     (textures.half_timber, (30, 55), (0.05, 0.25), (0.85, 0.97)),
 )
-
-
 _TRIMS = (
     ((30, 60), (0.0, 0.08), (0.93, 0.99)),  # white
     ((30, 60), (0.0, 0.08), (0.93, 0.99)),
@@ -58,33 +56,29 @@ _TRIMS = (
 )
 
 
-def random_style(rng: np.random.Generator, index: int) -> Style:
+def random_style(rng: Generator, index: int) -> Style:
     """A style; neighbours by ``index`` differ in material."""
 
     def material(k: int) -> tuple[textures.Material, Colour]:
-        paint, hue, saturation, value = _MATERIALS[k % len(_MATERIALS)]
-        return paint, textures.hsv(rng.uniform(*hue), rng.uniform(*saturation), rng.uniform(*value))
+        paint, *ranges = _MATERIALS[k % len(_MATERIALS)]
+        return paint, random_hsv(rng, *ranges)
 
-    first = 3 * index + int(rng.integers(3))
-    paint, wall_rgb = material(first)
-    trim_rgb = textures.hsv(*(rng.uniform(*r) for r in _TRIMS[int(rng.integers(len(_TRIMS)))]))
-    upper, upper_rgb = (
-        material(int(rng.integers(len(_MATERIALS)))) if rng.random() < 0.4 else (paint, wall_rgb)
-    )
+    paint, wall_rgb = material(3 * index + int(rng.integers(3)))
+    trim_rgb = random_hsv(rng, *_TRIMS[int(rng.integers(len(_TRIMS)))])
+    two = rng.random() < 0.4
+    upper, upper_rgb = material(int(rng.integers(len(_MATERIALS)))) if two else (paint, wall_rgb)
     return Style(
         material=paint,
         wall_rgb=wall_rgb,
         upper=upper,
         upper_rgb=upper_rgb,
         upper_from_m=float(rng.choice([1.0, 2.6, 2.8])),
-        plinth_rgb=textures.hsv(rng.uniform(0, 60), rng.uniform(0, 0.25), rng.uniform(0.3, 0.6)),
+        plinth_rgb=random_hsv(rng, (0, 60), (0, 0.25), (0.3, 0.6)),
         trim_rgb=trim_rgb,
-        door_rgb=textures.hsv(rng.uniform(0, 360), rng.uniform(0.4, 0.8), rng.uniform(0.3, 0.7)),
-        shutter_rgb=textures.hsv(
-            rng.uniform(0, 360), rng.uniform(0.3, 0.8), rng.uniform(0.25, 0.6)
-        ),
+        door_rgb=random_hsv(rng, (0, 360), (0.4, 0.8), (0.3, 0.7)),
+        shutter_rgb=random_hsv(rng, (0, 360), (0.3, 0.8), (0.25, 0.6)),
         shutters=bool(rng.random() < 0.45),
-        curtain_rgb=textures.hsv(rng.uniform(0, 360), rng.uniform(0, 0.5), rng.uniform(0.6, 0.95)),
+        curtain_rgb=random_hsv(rng, (0, 360), (0, 0.5), (0.6, 0.95)),
         panes=(int(rng.integers(1, 4)), int(rng.integers(1, 5))),
         arched=bool(rng.random() < 0.15),
         lintel=bool(rng.random() < 0.6),

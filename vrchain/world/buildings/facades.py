@@ -1,22 +1,21 @@
-"""House walls as pictures: a material with trim and small things, and openings drawn on it."""
+"""Walls as pictures: a material with trim and small things, and openings drawn on it."""
 
 from collections.abc import Sequence
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 
 from vrchain.world import textures
 from vrchain.world.buildings.facade_style import PX_PER_M, Style
 from vrchain.world.buildings.openings import Opening, draw
+from vrchain.world.drawing import fill, frame
 from vrchain.world.shapes import Image
+from vrchain.world.textures import times
 
 
 def paint(
-    rng: np.random.Generator,
-    style: Style,
-    width_m: float,
-    height_m: float,
-    openings: Sequence[Opening],
+    rng: Generator, style: Style, width_m: float, height_m: float, openings: Sequence[Opening]
 ) -> Image:
     """The picture of one wall, its left as seen from outside at the picture's left."""
     w, h = max(8, round(width_m * PX_PER_M)), max(8, round(height_m * PX_PER_M))
@@ -24,17 +23,20 @@ def paint(
     split = h - round(style.upper_from_m * PX_PER_M)
     if style.upper is not style.material and split > 8:
         image[:split] = style.upper(rng, (split, w), style.upper_rgb, PX_PER_M)
-        cv2.rectangle(image, (0, split - 3), (w, split + 2), style.trim_rgb, -1)
+        fill(image, (0, split - 3, w, split + 2), style.trim_rgb)
     plinth = min(round(0.35 * PX_PER_M), h // 3)
     image[h - plinth :] = textures.stone(rng, (plinth, w), style.plinth_rgb, PX_PER_M)
-    _ageing(rng, image)
-    _extras(rng, image, style, openings)
+    _age(rng, image)
+    _trim(rng, image, style)
+    _add_boxes(rng, image, openings)
+    if rng.random() < 0.3:
+        _creeper(rng, image)
     for opening in openings:
         draw(rng, image, style, opening)
     return image
 
 
-def _ageing(rng: np.random.Generator, image: Image) -> None:
+def _age(rng: Generator, image: Image) -> None:
     """Broad stains, darker at the foot: what tells two walls of one material apart."""
     h, w = image.shape[:2]
     stain = 1 + 0.07 * textures.fractal(rng, (h, w), 1.3 * PX_PER_M, 3)
@@ -43,49 +45,45 @@ def _ageing(rng: np.random.Generator, image: Image) -> None:
     image[:] = np.clip(image * stain[..., None], 0, 255).astype(np.uint8)
 
 
-def _extras(
-    rng: np.random.Generator, image: Image, style: Style, openings: Sequence[Opening]
-) -> None:
-    """A downpipe, corner boards, vents, a meter box, a creeper."""
+def _trim(rng: Generator, image: Image, style: Style) -> None:
+    """Corner boards, and sometimes a downpipe."""
     h, w = image.shape[:2]
     edge = max(3, round(0.12 * PX_PER_M))
     for x in (0, w - edge):
-        cv2.rectangle(image, (x, 0), (x + edge, h), style.trim_rgb, -1)
-    cv2.line(image, (edge, 0), (edge, h), textures.times(style.wall_rgb, 0.4), 1)
-    cv2.line(image, (w - edge, 0), (w - edge, h), textures.times(style.wall_rgb, 0.4), 1)
+        fill(image, (x, 0, x + edge, h), style.trim_rgb)
+    for x in (edge, w - edge):
+        cv2.line(image, (x, 0), (x, h), times(style.wall_rgb, 0.4), 1)
     if rng.random() < 0.4:
         x = edge + 6 if rng.random() < 0.5 else w - edge - 8
-        cv2.rectangle(image, (x, 0), (x + 3, h), textures.times(style.trim_rgb, 0.5), -1)
+        fill(image, (x, 0, x + 3, h), times(style.trim_rgb, 0.5))
+
+
+def _add_boxes(rng: Generator, image: Image, openings: Sequence[Opening]) -> None:
+    """Vents and meter boxes, clear of the openings."""
+    h, w = image.shape[:2]
     taken = np.zeros(w, dtype=bool)
     for o in openings:
         left, right = ((o.x_m + s * (o.width_m / 2 + 0.5)) * PX_PER_M for s in (-1, 1))
         taken[max(0, int(left)) : max(0, int(right))] = True
     for _ in range(int(rng.integers(0, 4))):
-        x, y = (
-            int(rng.integers(8, max(9, w - 24))),
-            int(rng.integers(h // 3, max(h // 3 + 1, h - 24))),
-        )
+        x = int(rng.integers(8, max(9, w - 24)))
+        y = int(rng.integers(h // 3, max(h // 3 + 1, h - 24)))
         size = int(rng.integers(7, 17))
         if taken[x : x + size].any():
             continue
-        grey = textures.hsv(rng.uniform(0, 360), rng.uniform(0, 0.5), rng.uniform(0.3, 0.9))
-        cv2.rectangle(image, (x, y), (x + size, y + int(size * 1.3)), grey, -1)
-        cv2.rectangle(image, (x, y), (x + size, y + int(size * 1.3)), (40, 40, 40), 1)
+        box = (x, y, x + size, y + int(size * 1.3))
+        fill(image, box, textures.random_hsv(rng, (0, 360), (0, 0.5), (0.3, 0.9)))
+        frame(image, box, (40, 40, 40))
         for line in range(y + 3, y + size, 3):
             cv2.line(image, (x + 2, line), (x + size - 2, line), (70, 70, 70), 1)
-    if rng.random() < 0.3:
-        _creeper(rng, image)
 
 
-def _creeper(rng: np.random.Generator, image: Image) -> None:
+def _creeper(rng: Generator, image: Image) -> None:
     h, w = image.shape[:2]
     middle, spread = rng.uniform(0, w), rng.uniform(0.5, 1.6) * PX_PER_M
     x, y = np.arange(w, dtype=np.float32)[None, :], np.arange(h, dtype=np.float32)[:, None] / h
-    reach = (
-        1.5
-        - ((x - middle) / spread) ** 2
-        - 1.6 * (1 - y)
-        + 0.5 * textures.fractal(rng, (h, w), 20, 4)
-    )
-    green = textures.leaves(rng, (h, w), textures.hsv(rng.uniform(75, 130), 0.6, 0.5), 5.0)
-    image[reach > 0.6] = green[reach > 0.6]
+    reach = 1.5 - ((x - middle) / spread) ** 2 - 1.6 * (1 - y)
+    reach = reach + 0.5 * textures.fractal(rng, (h, w), 20, 4)
+    green = textures.random_hsv(rng, (75, 130), 0.6, 0.5)
+    leaves = textures.leaves(rng, (h, w), green, 5.0)
+    image[reach > 0.6] = leaves[reach > 0.6]

@@ -1,4 +1,8 @@
-"""Roofs with thickness and overhang over a rectangle of walls."""
+"""Roofs with thickness and overhang over a rectangle of walls, and the walls that reach up to them.
+
+A roof has slopes: rise over run of each strip from the eave up. One makes a gable, a steep and a
+flat one a gambrel.
+"""
 
 import itertools
 from collections.abc import Sequence
@@ -7,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from vrchain.world.shapes import Part, join, polygon
+from vrchain.world.shapes import Part, Rect, join, polygon, wall
 
 _THICK_M = 0.14
 
@@ -27,109 +31,102 @@ def slab(corners: ArrayLike, thick_m: float = _THICK_M) -> Roof:
     """One sloping board, corners (4, 3) anticlockwise from above, the lower edge first."""
     low = np.asarray(corners, dtype=float)
     high = low + np.array([0, 0, thick_m])
-    edges = [
-        polygon([low[i], low[j], high[j], high[i]]) for i, j in ((0, 1), (1, 2), (2, 3), (3, 0))
-    ]
-    return Roof(
-        polygon(high),
-        polygon(low[::-1]),
-        join(edges),
-        float(np.linalg.norm(low[1] - low[0])),
-        float(np.linalg.norm(low[2] - low[1])),
-    )
+    edges = [polygon([low[i], low[j], high[j], high[i]]) for i, j in itertools.pairwise(_AROUND)]
+    length_m, slope_m = (float(np.linalg.norm(low[i + 1] - low[i])) for i in (0, 1))
+    return Roof(polygon(high), polygon(low[::-1]), join(edges), length_m, slope_m)
 
 
-def roof(
-    kind: str,
-    rect: tuple[float, float, float, float],
-    top_m: float,
-    pitch: float,
-    overhang_m: float,
-) -> Roof:
-    """A roof over walls of height ``top_m`` on (x0, y0, x1, y1).
+_AROUND = (0, 1, 2, 3, 0)
 
-    kind: "gable_x" or "gable_y" (the ridge along that axis), or "hip".
-    """
+
+def pent(rect: Rect, low_m: float, high_m: float, thick_m: float) -> Roof:
+    """One board over a rectangle that rises towards +y."""
     x0, y0, x1, y1 = rect
-    centre = ((x0 + x1) / 2, (y0 + y1) / 2, 0.0)
-    along_x = kind == "gable_x" or (kind == "hip" and x1 - x0 >= y1 - y0)
-    length, span = (x1 - x0, y1 - y0) if along_x else (y1 - y0, x1 - x0)
-    made = (_hip if kind == "hip" else _gable)(length, span, top_m, pitch, overhang_m)
+    return slab([(x0, y0, low_m), (x1, y0, low_m), (x1, y1, high_m), (x0, y1, high_m)], thick_m)
+
+
+def roof(kind: str, rect: Rect, top_m: float, slopes: Sequence[float], overhang_m: float) -> Roof:
+    """A roof over walls of height ``top_m`` on a rectangle.
+
+    kind: "gable_x" or "gable_y" (the ridge along that axis), "gambrel" (along y) or "hip".
+    """
+    wide, deep = rect.width_m, rect.depth_m
+    along_x = kind == "gable_x" or (kind == "hip" and wide >= deep)
+    length, span = (wide, deep) if along_x else (deep, wide)
+    made = (_hip if kind == "hip" else _ridged)(length, span, top_m, slopes, overhang_m)
+    centre = ((rect.x0 + rect.x1) / 2, (rect.y0 + rect.y1) / 2, 0.0)
     turn = 0.0 if along_x else np.pi / 2
     cover, soffit, fascia = (p.moved(centre, turn) for p in (made.cover, made.soffit, made.fascia))
     return Roof(cover, soffit, fascia, made.length_m, made.slope_m)
 
 
-def _gable(length: float, span: float, top: float, pitch: float, over: float) -> Roof:
+def _ridged(length: float, span: float, top: float, slopes: Sequence[float], over: float) -> Roof:
     """Ridge along x over the origin."""
-    x, y = length / 2 + over, span / 2 + over
-    eave, ridge = top - over * pitch, top + pitch * span / 2
-    front = slab([(-x, -y, eave), (x, -y, eave), (x, 0, ridge), (-x, 0, ridge)])
-    back = slab([(x, y, eave), (-x, y, eave), (-x, 0, ridge), (x, 0, ridge)])
-    return Roof(
-        join([front.cover, back.cover]),
-        join([front.soffit, back.soffit]),
-        join([front.fascia, back.fascia]),
-        front.length_m,
-        front.slope_m,
+    reach = length / 2 + over
+    edge = profile(span / 2, slopes) * (-1, 1) + (span / 2, top)  # y from the ridge, z
+    edge[0] += over * np.array([1.0, -slopes[0]])
+    slabs = [
+        slab([(-x, -y0, z0), (x, -y0, z0), (x, -y1, z1), (-x, -y1, z1)])
+        for (low, z0), (high, z1) in itertools.pairwise(edge)
+        for x, y0, y1 in ((reach, low, high), (-reach, -low, -high))
+    ]
+    cover, soffit, fascia = (
+        join([getattr(s, part) for s in slabs]) for part in ("cover", "soffit", "fascia")
     )
+    return Roof(cover, soffit, fascia, slabs[0].length_m, slabs[-1].slope_m)
 
 
-def _hip(length: float, span: float, top: float, pitch: float, over: float) -> Roof:
+def _hip(length: float, span: float, top: float, slopes: Sequence[float], over: float) -> Roof:
     """Ridge along x over the origin, all four sides sloping alike; length >= span."""
     x, y, ridge_x = length / 2 + over, span / 2 + over, (length - span) / 2
-    eave = top - over * pitch
-    up, ridge = eave + _THICK_M, top + pitch * span / 2 + _THICK_M
-    a, b, c, d = (-x, -y), (x, -y), (x, y), (-x, y)
-    end_u = ridge_x / (2 * x)
+    eave = top - over * slopes[0]
+    up, ridge = eave + _THICK_M, top + slopes[0] * span / 2 + _THICK_M
+    low = [(-x, -y, eave), (x, -y, eave), (x, y, eave), (-x, y, eave)]
+    a, b, c, d = ((*corner[:2], up) for corner in low)
+    end_u, half = ridge_x / (2 * x), y / (2 * x)
     trapezoid = [(0, 0), (1, 0), (0.5 + end_u, 1), (0.5 - end_u, 1)]
-    half = y / (2 * x)
     triangle = [(0.5 - half, 0), (0.5 + half, 0), (0.5, 1)]
     left, right = (-ridge_x, 0.0, ridge), (ridge_x, 0.0, ridge)
     cover = [
-        polygon([(*a, up), (*b, up), right, left], trapezoid),
-        polygon([(*c, up), (*d, up), left, right], trapezoid),
-        polygon([(*b, up), (*c, up), right], triangle),
-        polygon([(*d, up), (*a, up), left], triangle),
+        polygon([a, b, right, left], trapezoid),
+        polygon([c, d, left, right], trapezoid),
+        polygon([b, c, right], triangle),
+        polygon([d, a, left], triangle),
     ]
-    rim = [(a, b), (b, c), (c, d), (d, a)]
-    fascia = [polygon([(*p, eave), (*q, eave), (*q, up), (*p, up)]) for p, q in rim]
-    soffit = polygon([(*d, eave), (*c, eave), (*b, eave), (*a, eave)])
-    return Roof(join(cover), soffit, join(fascia), 2 * x, float(np.hypot(y, ridge - up)))
+    high = (a, b, c, d)
+    fascia = [polygon([low[i], low[j], high[j], high[i]]) for i, j in itertools.pairwise(_AROUND)]
+    return Roof(
+        join(cover), polygon(low[::-1]), join(fascia), 2 * x, float(np.hypot(y, ridge - up))
+    )
 
 
 def profile(half_span_m: float, slopes: Sequence[float]) -> NDArray[np.float64]:
-    """From eave to ridge across a roof: (n + 1, 2) of inward and upward, slopes equally long.
-
-    slopes: rise over run of each from the eave up; one is a gable, a steep and a flat a gambrel.
-    """
+    """From eave to ridge across a roof: (n + 1, 2) of inward and upward, slopes equally long."""
     tilt = np.arctan(slopes)
     length = half_span_m / np.cos(tilt).sum()
     steps = length * np.column_stack([np.cos(tilt), np.sin(tilt)])
-    return np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+    points = np.vstack([np.zeros(2), np.cumsum(steps, axis=0)])
+    points[-1, 0] = half_span_m  # to the last bit
+    return points
 
 
-def gambrel(
-    rect: tuple[float, float, float, float],
+def gable_wall(
+    ends: tuple[tuple[float, float], tuple[float, float]],
+    bottom_m: float,
     top_m: float,
-    slopes: Sequence[float],
-    overhang_m: float,
-) -> Roof:
-    """A roof of ``profile`` over walls of height ``top_m`` on (x0, y0, x1, y1), ridge along y."""
-    x0, y0, x1, y1 = rect
-    front, back = y0 - overhang_m, y1 + overhang_m
-    edge = profile((x1 - x0) / 2, slopes) + np.array([0.0, top_m])
-    edge[0] -= overhang_m * np.array([1.0, slopes[0]])
-    slabs = []
-    for (low, low_z), (high, high_z) in itertools.pairwise(edge):
-        right = [(x1 - low, low_z), (x1 - low, low_z), (x1 - high, high_z), (x1 - high, high_z)]
-        left = [(x0 + low, low_z), (x0 + low, low_z), (x0 + high, high_z), (x0 + high, high_z)]
-        for side, ys in ((right, (front, back, back, front)), (left, (back, front, front, back))):
-            slabs.append(slab([(x, y, z) for (x, z), y in zip(side, ys, strict=True)]))
-    return Roof(
-        join([s.cover for s in slabs]),
-        join([s.soffit for s in slabs]),
-        join([s.fascia for s in slabs]),
-        back - front,
-        slabs[-1].slope_m,
-    )
+    slopes: Sequence[float] = (),
+) -> tuple[Part, float, float]:
+    """A wall seen from the right of its ends' direction, and its width and height.
+
+    slopes: of the roof that it reaches up to, none for a wall under an eave.
+    """
+    a, b = np.array(ends)
+    width = float(np.hypot(*(b - a)))
+    if not slopes:
+        return wall(a, b, bottom_m, top_m), width, top_m - bottom_m
+    left = profile(width / 2, slopes) + np.array([0.0, top_m - bottom_m])
+    height = float(left[-1, 1])
+    right = left[:-1] * (-1.0, 1.0) + (width, 0.0)
+    uv = np.vstack([(0, 0), (width, 0), right, left[::-1]]) / (width, height)
+    corners = np.column_stack([a + uv[:, :1] * (b - a), bottom_m + uv[:, 1] * height])
+    return polygon(corners, uv), width, height

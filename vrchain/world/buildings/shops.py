@@ -7,16 +7,18 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 
 from vrchain.world import textures
 from vrchain.world.buildings import facade_style, facades, roofs
 from vrchain.world.buildings.facade_style import PX_PER_M
-from vrchain.world.buildings.house_plans import STOREY_M
 from vrchain.world.buildings.openings import Opening
-from vrchain.world.buildings.shop_plans import GROUND_FLOOR_M, ShopPlan
+from vrchain.world.buildings.plans import GROUND_FLOOR_M, STOREY_M, ShopPlan
+from vrchain.world.buildings.shell import Shell
+from vrchain.world.drawing import fill, frame, write
 from vrchain.world.model import Surface
-from vrchain.world.shapes import Image, Model, Part, box, join, polygon, tube, wall
-from vrchain.world.textures import Colour
+from vrchain.world.shapes import Image, box, join, polygon, tube, wall
+from vrchain.world.textures import random_hsv
 
 _SIGN_PX_PER_M = 60.0  # finer than walls, so that lettering is read from afar
 _SIGN_M = (2.75, 3.4)  # foot and top of the sign over the windows
@@ -28,53 +30,53 @@ _FONTS = (
     cv2.FONT_HERSHEY_TRIPLEX,
     cv2.FONT_HERSHEY_SCRIPT_COMPLEX,
 )
+_GABLES = {"gable_x": "rl", "gable_y": "fb"}
 
 
-class _Shop:
+class _Shop(Shell):
     """What the pieces of one shop share while it is built."""
 
-    def __init__(self, plan: ShopPlan, rng: np.random.Generator) -> None:
-        self.plan, self.rng, self.model = plan, rng, Model()
+    def __init__(self, plan: ShopPlan, rng: Generator) -> None:
+        super().__init__(rng)
+        self.plan = plan
         self.style = facade_style.random_style(rng, int(rng.integers(10)))
         if rng.random() < 0.35:
-            tiles = textures.hsv(rng.uniform(0, 360), rng.uniform(0.1, 0.6), rng.uniform(0.5, 0.95))
+            rgb, tiles = random_hsv(rng, (0, 360), (0.1, 0.6), (0.5, 0.95)), textures.tiles
             self.style = replace(
-                self.style, material=textures.tiles, wall_rgb=tiles, upper=textures.tiles,
-                upper_rgb=tiles,
-            )  # fmt: skip
+                self.style, material=tiles, wall_rgb=rgb, upper=tiles, upper_rgb=rgb
+            )
         hue = rng.uniform(0, 360)
-        self.paint_rgb = textures.hsv(hue, rng.uniform(0.35, 0.85), rng.uniform(0.25, 0.65))
+        self.paint_rgb = random_hsv(rng, hue, (0.35, 0.85), (0.25, 0.65))
         light = textures.hsv(hue + rng.uniform(120, 240), rng.uniform(0.0, 0.35), 0.96)
-        self.letters_rgb, self.board_rgb = (
-            (light, self.paint_rgb) if rng.random() < 0.65 else (self.paint_rgb, light)
-        )
+        dark_board = rng.random() < 0.65
+        self.letters_rgb = light if dark_board else self.paint_rgb
+        self.board_rgb = self.paint_rgb if dark_board else light
         self.font = int(_FONTS[int(rng.integers(len(_FONTS)))])
-        self.roof_rgb = textures.hsv(
-            rng.choice([10, 20, 215, 30]), rng.uniform(0.1, 0.5), rng.uniform(0.3, 0.6)
-        )
+        self.roofing = textures.shingles
+        self.roof_rgb = random_hsv(rng, rng.choice([10, 20, 215, 30]), (0.1, 0.5), (0.3, 0.6))
         self.trim = self.model.patch(textures.plain(rng, self.style.trim_rgb))
+        self.soffit = self.trim
         self.paint = self.model.patch(textures.plain(rng, self.paint_rgb))
 
-    def sign(self, words: str, width_m: float, height_m: float) -> int:
-        """The patch of a lettered board."""
+    def sign(self, words: str, width_m: float, height_m: float) -> Image:
+        """A lettered board."""
         shape = (round(height_m * _SIGN_PX_PER_M), round(width_m * _SIGN_PX_PER_M))
         image = textures.plain(self.rng, self.board_rgb, shape, 0.03)
-        cv2.rectangle(image, (3, 3), (shape[1] - 4, shape[0] - 4), self.letters_rgb, 2)
+        frame(image, (3, 3, shape[1] - 4, shape[0] - 4), self.letters_rgb, 2)
         write(image, words, self.font, self.letters_rgb, 0.75)
-        return self.model.patch(image)
-
-    def wall(self, part: Part, image: Image) -> None:
-        self.model.add(part, self.model.patch(image))
+        return image
 
 
-def build(plan: ShopPlan, rng: np.random.Generator) -> tuple[Surface, ...]:
+def build(plan: ShopPlan, rng: Generator) -> tuple[Surface, ...]:
     """The shop of a plan, its colours, wares and lettering drawn from ``rng``."""
     shop = _Shop(plan, rng)
     _walls(shop)
     _roof(shop)
     _front_sign(shop)
-    if plan.shelter != "none":
-        _shelter(shop)
+    if plan.shelter == "canopy":
+        _canopy(shop)
+    elif plan.shelter == "awning":
+        _awning(shop)
     if plan.hanging:
         _hanging_sign(shop)
     if plan.board:
@@ -82,43 +84,18 @@ def build(plan: ShopPlan, rng: np.random.Generator) -> tuple[Surface, ...]:
     return (shop.model.surface(),)
 
 
-def write(image: Image, words: str, font: int, rgb: Colour, share: float) -> None:
-    """Words across the middle of a picture, as large as fits; ``share`` of its height at most."""
-    h, w = image.shape[:2]
-    (wide, high), below = cv2.getTextSize(words, font, 1.0, 2)
-    scale = min(0.9 * w / wide, share * h / (high + 0.5 * below))
-    thick = max(1, round(1.9 * scale))
-    (wide, high), below = cv2.getTextSize(words, font, scale, thick)
-    at = ((w - wide) // 2, (h + high) // 2 - round(0.15 * below))
-    cv2.putText(image, words, at, font, scale, rgb, thick, cv2.LINE_AA)
-
-
 def _walls(shop: _Shop) -> None:
-    plan, r = shop.plan, shop.plan.main
+    plan = shop.plan
     top = plan.top_m + (_PARAPET_M if plan.roof == "flat" else 0.0)
-    rise = {"gable_x": r.depth_m, "gable_y": r.width_m}.get(plan.roof, 0.0) * plan.pitch / 2
-    corners = {
-        "f": ((r.x0, r.y0), (r.x1, r.y0)),
-        "r": ((r.x1, r.y0), (r.x1, r.y1)),
-        "b": ((r.x1, r.y1), (r.x0, r.y1)),
-        "l": ((r.x0, r.y1), (r.x0, r.y0)),
-    }
-    gables = {"gable_x": "rl", "gable_y": "fb"}.get(plan.roof, "")
-    for side, (a, b) in corners.items():
-        width = float(np.hypot(b[0] - a[0], b[1] - a[1]))
-        height = top + (rise if side in gables else 0.0)
+    for side in "frbl":
+        slopes = (plan.pitch,) if side in _GABLES.get(plan.roof, "") else ()
+        part, width, height = roofs.gable_wall(plan.main.side(side), 0.0, top, slopes)
         image = facades.paint(shop.rng, shop.style, width, height, _windows(shop, side, width))
         if side == "f":
             _shopfront(shop, image)
         if (side, plan.advert_side) in (("r", 1), ("l", -1)):
             _advert(shop, image)
-        part = wall(a, b, 0.0, top)
-        if side in gables:
-            apex = ((a[0] + b[0]) / 2, (a[1] + b[1]) / 2, height)
-            v = top / height
-            rim = [*part.points[:3], apex, part.points[3]]
-            part = polygon(rim, [(0, 0), (1, 0), (1, v), (0.5, 1), (0, v)])
-        shop.wall(part, image)
+        shop.model.add(part, image)
 
 
 def _windows(shop: _Shop, side: str, width_m: float) -> list[Opening]:
@@ -127,9 +104,9 @@ def _windows(shop: _Shop, side: str, width_m: float) -> list[Opening]:
     found = []
     n = max(1, int(width_m / rng.uniform(1.9, 2.8)))
     w, h = rng.uniform(0.9, 1.3), rng.uniform(1.2, 1.6)
-    for floor in range(1, plan.storeys):
-        foot = GROUND_FLOOR_M + 0.75 + (floor - 1) * STOREY_M
-        found += [Opening("window", (k + 0.5) * width_m / n, foot, w, h) for k in range(n)]
+    for floor, k in np.ndindex(plan.storeys - 1, n):
+        foot = GROUND_FLOOR_M + 0.75 + floor * STOREY_M
+        found.append(Opening("window", (k + 0.5) * width_m / n, foot, w, h))
     if side == "b":
         found.append(Opening("door", 0.25 * width_m, 0.15, 1.0, 2.05))
         found.append(Opening("window", 0.65 * width_m, 1.0, 1.2, 1.1))
@@ -167,7 +144,7 @@ def _display(shop: _Shop, pane: Image) -> None:
     """A lit room behind glass: shelves of wares, lettering on the glass, the sky mirrored."""
     rng = shop.rng
     h, w = pane.shape[:2]
-    back = textures.hsv(rng.uniform(20, 60), rng.uniform(0.1, 0.5), rng.uniform(0.3, 0.65))
+    back = random_hsv(rng, (20, 60), (0.1, 0.5), (0.3, 0.65))
     pane[:] = textures.plain(rng, back, (h, w), 0.05)
     hue, shelves = rng.uniform(0, 360), int(rng.integers(2, 4))
     for row in range(1, shelves + 1):
@@ -175,11 +152,9 @@ def _display(shop: _Shop, pane: Image) -> None:
         x = 2
         while x < w - 5:
             wide, high = int(rng.integers(3, 13)), int(rng.uniform(0.3, 0.8) * h / shelves)
-            colour = textures.hsv(
-                hue + rng.normal(0, 50), rng.uniform(0.2, 0.9), rng.uniform(0.4, 1.0)
-            )
+            colour = random_hsv(rng, hue + rng.normal(0, 50), (0.2, 0.9), (0.4, 1.0))
             if rng.random() < 0.6:
-                cv2.rectangle(pane, (x, foot - high), (x + wide, foot), colour, -1)
+                fill(pane, (x, foot - high, x + wide, foot), colour)
             else:
                 r = max(2, wide // 2)
                 cv2.circle(pane, (x + r, foot - r), r, colour, -1, cv2.LINE_AA)
@@ -191,7 +166,7 @@ def _display(shop: _Shop, pane: Image) -> None:
     glare = np.clip(textures.noise(rng, (h, w), 30), 0, 1.5)[..., None] * 14
     slant = (np.add.outer(np.arange(h), np.arange(w)) % max(40, w)) < 9
     pane[:] = np.clip(pane + glare + 22 * slant[..., None], 0, 255).astype(np.uint8)
-    cv2.rectangle(pane, (0, 0), (w - 1, h - 1), textures.times(shop.paint_rgb, 0.5), 2)
+    frame(pane, (0, 0, w - 1, h - 1), textures.times(shop.paint_rgb, 0.5), 2)
 
 
 def _glass_door(shop: _Shop, leaf: Image) -> None:
@@ -200,18 +175,13 @@ def _glass_door(shop: _Shop, leaf: Image) -> None:
     h, w = leaf.shape[:2]
     leaf[:] = textures.wood(rng, (h, w), shop.style.door_rgb)
     top, foot = round(0.18 * h), round(rng.choice([0.6, 0.85]) * h)
-    cv2.rectangle(leaf, (5, 4), (w - 6, top - 4), (120, 145, 165), -1)
-    cv2.rectangle(leaf, (5, top), (w - 6, foot), (70, 85, 100), -1)
+    fill(leaf, (5, 4, w - 6, top - 4), (120, 145, 165))
+    fill(leaf, (5, top, w - 6, foot), (70, 85, 100))
     cv2.line(leaf, (5, foot), (w - 6, top + h // 6), (110, 130, 150), 2, cv2.LINE_AA)
     card = leaf[top + h // 6 : top + h // 6 + 11, w // 5 : w - w // 5]
     card[:] = (245, 243, 232)
-    write(
-        card,
-        str(rng.choice(["OPEN", "PUSH", "HELLO"])),
-        cv2.FONT_HERSHEY_SIMPLEX,
-        (160, 30, 30),
-        0.7,
-    )
+    word = str(rng.choice(["OPEN", "PUSH", "HELLO"]))
+    write(card, word, cv2.FONT_HERSHEY_SIMPLEX, (160, 30, 30), 0.7)
     cv2.circle(leaf, (w - 9, round(0.58 * h)), 2, (225, 205, 130), -1)
 
 
@@ -224,12 +194,12 @@ def _advert(shop: _Shop, image: Image) -> None:
     painted = image.copy()
     panel = painted[y0:y1, x0:x1]
     panel[:] = textures.plain(rng, shop.board_rgb, panel.shape[:2], 0.04)
-    cv2.rectangle(panel, (4, 4), (panel.shape[1] - 5, panel.shape[0] - 5), shop.letters_rgb, 2)
-    lines = (plan.name, str(rng.choice(plan.wares)))
+    frame(panel, (4, 4, panel.shape[1] - 5, panel.shape[0] - 5), shop.letters_rgb, 2)
     inner = panel[8:-8, 8:-8]
-    for k, words in enumerate(lines):
-        half = inner.shape[0] // 2
-        write(inner[k * half : (k + 1) * half], words, shop.font, shop.letters_rgb, 0.65)
+    half = inner.shape[0] // 2
+    write(inner[:half], plan.name, shop.font, shop.letters_rgb, 0.65)
+    ware = str(rng.choice(plan.wares))
+    write(inner[half : 2 * half], ware, shop.font, shop.letters_rgb, 0.65)
     worn = np.clip(0.75 + 0.25 * textures.fractal(rng, (h, w), 20, 3), 0.3, 1.0)[..., None]
     image[:] = (worn * painted + (1 - worn) * image).astype(np.uint8)
 
@@ -237,24 +207,17 @@ def _advert(shop: _Shop, image: Image) -> None:
 def _roof(shop: _Shop) -> None:
     plan, rng, r = shop.plan, shop.rng, shop.plan.main
     if plan.roof != "flat":
-        faces = roofs.roof(plan.roof, (r.x0, r.y0, r.x1, r.y1), plan.top_m, plan.pitch, 0.3)
-        scale = 18.0  # texels a metre
-        shape = (max(8, int(faces.slope_m * scale)), max(8, int(faces.length_m * scale)))
-        shop.wall(faces.cover, textures.shingles(rng, shape, shop.roof_rgb, scale))
-        shop.model.add(faces.soffit, shop.trim, 0.6)
-        shop.model.add(faces.fascia, shop.trim)
+        shop.cover(roofs.roof(plan.roof, r, plan.top_m, (plan.pitch,), 0.3))
         return
     top = plan.top_m + _PARAPET_M
-    tar = shop.model.patch(textures.plain(rng, (95.0, 95.0, 100.0), (64, 64), 0.15))
-    rim = ((r.x0 - 0.1, r.y0 - 0.1, top - 0.22), (r.x1 + 0.1, r.y1 + 0.1, top))
-    shop.model.add(box(*rim, top=False, bottom=True), shop.trim)
-    shop.model.add(box(*rim, sides=""), tar)
+    x0, y0, x1, y1 = r.grown(0.1)
+    shop.flat_roof((x0, y0, top - 0.22), (x1, y1, top))
     raised = rng.choice(["none", "step", "gable"])  # the middle of the front, over the parapet
     half, high = r.width_m * rng.uniform(0.15, 0.3), rng.uniform(0.5, 0.9)
     if raised == "step":
-        shop.model.add(box((-half, r.y0 - 0.1, top), (half, r.y0 + 0.15, top + high)), shop.paint)
+        shop.model.add(box((-half, y0, top), (half, r.y0 + 0.15, top + high)), shop.paint)
     elif raised == "gable":
-        front = [(-half, r.y0 - 0.1, top), (half, r.y0 - 0.1, top), (0, r.y0 - 0.1, top + high)]
+        front = [(-half, y0, top), (half, y0, top), (0, y0, top + high)]
         back = [(x, r.y0 + 0.15, z) for x, _, z in front]
         edges = [polygon([front[i], back[i], back[j], front[j]]) for i, j in ((1, 2), (2, 0))]
         uv = [(0, 0), (1, 0), (0.5, 1)]
@@ -263,7 +226,7 @@ def _roof(shop: _Shop) -> None:
     if rng.random() < 0.5:  # an air conditioner
         x, y = rng.uniform(r.x0 + 1, r.x1 - 2), rng.uniform(-0.5, r.y1 - 1.6)
         grille = textures.metal_sheet(rng, (24, 32), (175.0, 178.0, 180.0), 30.0)
-        shop.wall(box((x, y, top), (x + 1.1, y + 0.9, top + 0.8)), grille)
+        shop.model.add(box((x, y, top), (x + 1.1, y + 0.9, top + 0.8)), grille)
 
 
 def _front_sign(shop: _Shop) -> None:
@@ -276,16 +239,17 @@ def _front_sign(shop: _Shop) -> None:
     shop.model.add(box(low, high, sides="lr", bottom=True), shop.paint)
 
 
-def _shelter(shop: _Shop) -> None:
-    """A striped cloth on arms, or a slab, over the pavement of the forecourt."""
-    plan, rng, r = shop.plan, shop.rng, shop.plan.main
-    z = _SIGN_M[0] - 0.05
+def _canopy(shop: _Shop) -> None:
+    """A slab over the pavement of the forecourt."""
+    r, z = shop.plan.main, _SIGN_M[0] - 0.05
+    low, high = (r.x0 + 0.3, r.y0 - shop.rng.uniform(0.9, 1.4), z - 0.16), (r.x1 - 0.3, r.y0, z)
+    shop.plain(box(low, high, sides="flr", bottom=True))
+
+
+def _awning(shop: _Shop) -> None:
+    """A striped cloth on arms over the pavement of the forecourt."""
+    rng, r, z = shop.rng, shop.plan.main, _SIGN_M[0] - 0.05
     x0, x1 = r.x0 + 0.3, r.x1 - 0.3
-    if plan.shelter == "canopy":
-        out = rng.uniform(0.9, 1.4)
-        slab_box = box((x0, r.y0 - out, z - 0.16), (x1, r.y0, z), sides="flr", bottom=True)
-        shop.model.add(slab_box, shop.trim)
-        return
     out, fall = rng.uniform(1.0, 1.5), rng.uniform(0.35, 0.6)
     cloth = textures.plain(rng, (244.0, 240.0, 228.0), (40, round((x1 - x0) * 20)), 0.03)
     every = int(rng.integers(7, 16))
@@ -297,10 +261,9 @@ def _shelter(shop: _Shop) -> None:
     slope = np.array([(x0, edge, low), (x1, edge, low), (x1, r.y0, z), (x0, r.y0, z)])
     shop.model.add(polygon(slope), patch)
     shop.model.add(polygon(slope[[1, 0, 3, 2]] - (0, 0, 0.03)), patch, 0.6)
-    valance = box((x0, edge - 0.02, low - 0.25), (x1, edge, low), sides="fblr", bottom=True)
-    shop.model.add(valance, patch)
+    shop.model.add(box((x0, edge - 0.02, low - 0.25), (x1, edge, low), bottom=True), patch)
     for x in (x0 + 0.1, x1 - 0.1):
-        shop.model.add(tube((x, edge, low), (x, r.y0, z - 0.5), 0.025, n=5), shop.trim)
+        shop.plain(tube((x, edge, low), (x, r.y0, z - 0.5), 0.025, n=5))
 
 
 def _hanging_sign(shop: _Shop) -> None:
@@ -311,12 +274,12 @@ def _hanging_sign(shop: _Shop) -> None:
     z = max(_SIGN_M[1], plan.top_m - 1.0) if plan.storeys > 1 else _SIGN_M[1] - 0.1
     z = min(z, plan.top_m - 0.2)
     y0, y1 = r.y0 - 0.25 - w, r.y0 - 0.25
-    board = shop.sign(plan.trade, w, h)
+    board = shop.model.patch(shop.sign(plan.trade, w, h))
     shop.model.add(wall((x + 0.05, y0), (x + 0.05, y1), z - h, z), board)
     shop.model.add(wall((x - 0.05, y1), (x - 0.05, y0), z - h, z), board)
     rim = box((x - 0.05, y0, z - h), (x + 0.05, y1, z), sides="fb", bottom=True)
     shop.model.add(rim, shop.paint)
-    shop.model.add(tube((x, r.y0, z + 0.06), (x, y0, z + 0.06), 0.03, n=5), shop.trim)
+    shop.plain(tube((x, r.y0, z + 0.06), (x, y0, z + 0.06), 0.03, n=5))
 
 
 def _roof_board(shop: _Shop) -> None:
@@ -325,10 +288,8 @@ def _roof_board(shop: _Shop) -> None:
     top = plan.top_m + _PARAPET_M
     w, h = min(r.width_m - 1.0, 0.75 * len(plan.trade)), rng.uniform(0.9, 1.2)
     y, z = r.y0 + 0.9, top + 0.95
-    board = shop.sign(plan.trade, w, h)
-    shop.model.add(wall((-w / 2, y), (w / 2, y), z, z + h), board)
-    shop.model.add(
-        box((-w / 2, y, z), (w / 2, y + 0.1, z + h), sides="blr", bottom=True), shop.paint
-    )
+    low, high = (-w / 2, y, z), (w / 2, y + 0.1, z + h)
+    shop.model.add(box(low, high, sides="f", top=False), shop.sign(plan.trade, w, h))
+    shop.model.add(box(low, high, sides="blr", bottom=True), shop.paint)
     for x in (-w / 3, w / 3):
-        shop.model.add(tube((x, y + 0.06, top), (x, y + 0.06, z), 0.05, n=6), shop.trim)
+        shop.plain(tube((x, y + 0.06, top), (x, y + 0.06, z), 0.05, n=6))

@@ -13,6 +13,7 @@ from vrchain import seeding
 from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.paths import scene_file
 from vrchain.world import backdrop, light
+from vrchain.world.backdrop import outdoors
 from vrchain.world.gazebo import ground
 from vrchain.world.gazebo.designs import Design, Designs, unique
 from vrchain.world.gazebo.files import is_file, model_folders
@@ -23,7 +24,6 @@ from vrchain.world.gazebo.notes import Notes
 from vrchain.world.gazebo.sdf import Placed, World, flat, read_world
 from vrchain.world.gazebo.xml import Element
 from vrchain.world.model import LightMap, Scene, SceneObject, Surface, ground_polygon
-from vrchain.world.outdoors import outdoors
 from vrchain.world.spec import LightSpec, parse_spec
 
 SUFFIXES = (".world", ".sdf")

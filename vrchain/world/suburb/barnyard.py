@@ -16,9 +16,9 @@ import shapely
 from vrchain import seeding
 from vrchain.geometry import Pose
 from vrchain.world import seasons, textures
-from vrchain.world.buildings import barn
+from vrchain.world.backdrop import outdoors
+from vrchain.world.buildings import barn, plans
 from vrchain.world.model import Scene, SceneObject, Surface, place
-from vrchain.world.outdoors import outdoors
 from vrchain.world.shapes import Image
 from vrchain.world.spec import LightSpec, SceneSpec
 from vrchain.world.suburb import ground
@@ -92,7 +92,7 @@ def _built(seed: int, thing: _Thing) -> SceneObject:
 
 
 def _things(seed: int, season: str) -> Iterator[_Thing]:
-    plan = barn.draw_plan(seeding.generator(seed, GOAL, "plan"))
+    plan = plans.draw_barn(seeding.generator(seed, GOAL, "plan"))
     yield _Thing(GOAL, "barn", Pose(4.0, 31.0), partial(barn.build, plan))
     yield _Thing("shed", "shed", Pose(-18.0, -19.5, np.pi / 2), farm.shed)
     yield _Thing("water_tower", "water tower", Pose(18.0, -4.0, -np.pi / 2), farm.water_tower)

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vrchain import seeding
 from vrchain.errors import SpecError
-from vrchain.world.buildings import barn, house_plans, shop_plans
+from vrchain.world.buildings import plans
 from vrchain.world.spec import SceneSpec
 from vrchain.world.suburb import candidates
 from vrchain.world.suburb.lots import Homestead, Lot, Premises, draw_lots, occupy, settle
@@ -171,10 +171,10 @@ def _occupy_all(
     parade = take(spec.shops.count, np.hypot(*(middles - heart).T))
     premises = []
     for i, lot in enumerate(outer, start=1):
-        big = barn.draw_plan(seeding.generator(spec.seed, "barn", i, "plan"))
+        big = plans.draw_barn(seeding.generator(spec.seed, "barn", i, "plan"))
         premises.append(occupy("barn", lot, big, _BARN_SETBACK_M, rng))
     for i, lot in enumerate(parade, start=1):
-        shop = shop_plans.draw_plan(seeding.generator(spec.seed, "shop", i, "plan"))
+        shop = plans.draw_shop(seeding.generator(spec.seed, "shop", i, "plan"))
         premises.append(occupy("shop", lot, shop, _SHOP_SETBACK_M, rng))
     return premises, [lots[k] for k in free]
 
@@ -184,7 +184,7 @@ def _settle_all(
 ) -> list[Homestead]:
     homes: list[Homestead] = []
     for i, k in enumerate(sorted(rng.permutation(len(lots))[: spec.houses.count])):
-        plan = house_plans.draw_plan(
+        plan = plans.draw_house(
             seeding.generator(spec.seed, "house", i + 1, "plan"), spec.houses.two_storey
         )
         if i in twins:

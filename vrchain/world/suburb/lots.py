@@ -8,9 +8,7 @@ import shapely
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.world.buildings.barn import BarnPlan
-from vrchain.world.buildings.house_plans import HousePlan
-from vrchain.world.buildings.shop_plans import ShopPlan
+from vrchain.world.buildings.plans import BarnPlan, HousePlan, ShopPlan
 from vrchain.world.suburb.streets import TURNING_M, Street, Streets
 
 _DEPTH_M = 22.0

@@ -9,16 +9,16 @@ from functools import cache
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
 from vrchain.seeding import generator
 from vrchain.world import light, textures
+from vrchain.world.drawing import write_within
 from vrchain.world.model import Scene, SceneObject, Surface, place
 from vrchain.world.shapes import Image, Model, Part, box, join, polygon, tube, wall
 from vrchain.world.textures import Colour
-
-Ends = tuple[tuple[float, float, float], tuple[float, float, float]]
 
 FIRST_ID = -2  # robots are no objects of a scene: their ids count down from here (-1 is the sky)
 SIZE_M = (0.51, 0.50, 0.28)  # without mast and scanner
@@ -49,15 +49,12 @@ def build(name: str) -> Surface:
     dark = model.patch(textures.plain(rng, _BLACK))
     model.add(tube((0, 0, SIZE_M[2]), (0, 0, _HEAD_M[0]), 0.018), metal)
     flag = box((-0.08, -0.08, _FLAG_M[0]), (0.08, 0.08, _FLAG_M[1]), bottom=True)
-    model.add(flag, model.patch(_lettered(name, colour_of(name))))
+    model.add(flag, _lettered(name, colour_of(name)))
     low, high = _HEAD_M
-    _drum(model, ((0, 0, low), (0, 0, high)), 0.055, model.patch(_lenses()), dark)
+    model.add_drum((0, 0, low), (0, 0, high), 0.055, 16, model.patch(_lenses()), dark)
     model.add(tube((0, 0, low - 0.02), (0, 0, low), 0.02, 0.055, n=16), dark)
-    scanner = (
-        (0.16, 0, SIZE_M[2]),
-        (0.16, 0, 0.35),
-    )  # of the range ring
-    _drum(model, scanner, 0.05, model.patch(_scanner()), dark)
+    range_ring = (0.16, 0, SIZE_M[2]), (0.16, 0, 0.35)
+    model.add_drum(*range_ring, 0.05, 16, model.patch(_scanner()), dark)
     return model.surface()
 
 
@@ -71,9 +68,8 @@ def colour_of(name: str) -> Colour:
 def _octagon(half_x: float, half_y: float, cut: float) -> NDArray[np.float64]:
     """A rectangle's outline, (8, 2), with its corners cut off; the first side faces +x."""
     x, y, c = half_x, half_y, cut
-    corners = [(x, c - y), (x, y - c), (x - c, y), (c - x, y)]
-    corners += [(-x, y - c), (-x, c - y), (c - x, -y), (x - c, -y)]
-    return np.array(corners)
+    half = np.array([(x, c - y), (x, y - c), (x - c, y), (c - x, y)])
+    return np.concatenate([half, -half])
 
 
 def _ring(outline: NDArray[np.float64], low_m: float, high_m: float) -> list[Part]:
@@ -88,7 +84,7 @@ def _level(outline: NDArray[np.float64], height_m: float) -> Part:
     return polygon(np.insert(outline, 2, height_m, axis=1), uv)
 
 
-def _body(model: Model, rng: np.random.Generator) -> None:
+def _body(model: Model, rng: Generator) -> None:
     red = model.patch(textures.plain(rng, _RED, (32, 32), 0.03))
     black = model.patch(textures.plain(rng, _BLACK, (48, 48), 0.04))
     hull = _octagon(SIZE_M[0] / 2, SIZE_M[1] / 2 - _TYRE_WIDTH_M, 0.07)
@@ -105,38 +101,25 @@ def _body(model: Model, rng: np.random.Generator) -> None:
     model.add(_level(_octagon(0.23, 0.23, 0.06), 0.004), black, 0.5)  # hardly any light gets there
 
 
-def _wheels(model: Model, rng: np.random.Generator) -> None:
+def _wheels(model: Model, rng: Generator) -> None:
     tyre = model.patch(textures.plain(rng, (30, 30, 32)))
     hub = model.patch(_hub())
     outer = SIZE_M[1] / 2
     for x in (-_AXLE_M, _AXLE_M):
         for sign in (-1, 1):
             ends = (x, sign * (outer - _TYRE_WIDTH_M), _TYRE_M), (x, sign * outer, _TYRE_M)
-            _drum(model, ends, _TYRE_M, tyre, hub)
-
-
-def _drum(model: Model, ends: Ends, radius_m: float, side: int, cap: int) -> None:
-    """A round rod with a patch for its side, and one for its far end."""
-    rod, n = tube(*ends, radius_m, n=16, cap=True), 2 * 17  # the first points are the side's
-    model.add(Part(rod.points[:n], rod.faces[: 2 * 16], rod.uv[:n]), side)
-    model.add(Part(rod.points[n:], rod.faces[2 * 16 :] - n, rod.uv[n:]), cap)
+            model.add_drum(*ends, _TYRE_M, 16, tyre, hub)
 
 
 def _canvas(shape: tuple[int, int], rgb: Colour) -> Image:
     return np.full((*shape, 3), rgb, dtype=np.uint8)
 
 
-def _lettered(name: str, rgb: Colour, size_px: int = 64) -> Image:
+def _lettered(name: str, rgb: Colour) -> Image:
     """A plain board with a name as large as fits, white or black, whichever is plainer."""
-    image = _canvas((size_px, size_px), rgb)
+    image = _canvas((64, 64), rgb)
     ink = (250, 250, 250) if np.dot(rgb, (0.3, 0.59, 0.11)) < 150 else (15, 15, 15)
-    font = cv2.FONT_HERSHEY_DUPLEX
-    (width, height), _ = cv2.getTextSize(name, font, 1.0, 2)
-    if not width:
-        return image
-    scale = min(0.84 * size_px / width, 0.6 * size_px / height)
-    corner = round((size_px - scale * width) / 2), round((size_px + scale * height) / 2)
-    cv2.putText(image, name, corner, font, scale, ink, max(1, round(2.5 * scale)), cv2.LINE_AA)
+    write_within(image, name, (0.08, 0.2, 0.92, 0.8), ink, 2.5)
     return image
 
 

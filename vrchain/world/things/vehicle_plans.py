@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-import numpy as np
+from numpy.random import Generator
 
 BOTTOM_M = 0.24  # clearance under the body
 
@@ -17,9 +17,8 @@ class VehiclePlan:
     belt_m: float  # height of the windows' lower edge
     roof_m: float
     bonnet_m: float  # height of the front
-    cabin: tuple[
-        float, float, float, float
-    ]  # windscreen foot, roof front, roof rear, rear foot; from the rear
+    # Windscreen's foot, roof's front, roof's rear, rear window's foot; from the rear.
+    cabin: tuple[float, float, float, float]
     tail_m: float  # height behind the cabin
 
     @property
@@ -45,18 +44,11 @@ _STYLES = {
 _CHOICE = ("car", "car", "hatch", "hatch", "estate", "suv", "suv", "van", "pickup")
 
 
-def draw_plan(rng: np.random.Generator) -> VehiclePlan:
+def draw_plan(rng: Generator) -> VehiclePlan:
     """A random vehicle."""
     style = str(rng.choice(_CHOICE))
     length, width, belt, roof, bonnet, cabin, tail = _STYLES[style]
-    k = rng.uniform(0.96, 1.04, 4)
+    a, b, c, d = rng.uniform(0.96, 1.04, 4)
     return VehiclePlan(
-        style,
-        length * k[0],
-        width * k[1],
-        belt * k[2],
-        roof * k[3],
-        bonnet * k[2],
-        cabin,
-        tail * k[2],
+        style, length * a, width * b, belt * c, roof * d, bonnet * c, cabin, tail * c
     )

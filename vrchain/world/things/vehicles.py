@@ -4,16 +4,17 @@ Model frame: the front towards +x, the middle at the origin, wheels on z = 0.
 """
 
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from vrchain.world import textures
 from vrchain.world.model import Surface
-from vrchain.world.shapes import Model, Part, box, join, polygon, tube
+from vrchain.world.shapes import Image, Model, Part, box, join, polygon
 from vrchain.world.things import vehicle_art
 from vrchain.world.things.vehicle_plans import BOTTOM_M, VehiclePlan
 
 
-def build(plan: VehiclePlan, rng: np.random.Generator) -> tuple[Surface, ...]:
+def build(plan: VehiclePlan, rng: Generator) -> tuple[Surface, ...]:
     """A vehicle of a plan."""
     model = Model()
     rgb = vehicle_art.paint_rgb(rng)
@@ -27,23 +28,19 @@ def build(plan: VehiclePlan, rng: np.random.Generator) -> tuple[Surface, ...]:
     top = model.patch(textures.plain(rng, rgb, (40, 40), 0.02))
     glass = model.patch(vehicle_art.screen(rng))
 
-    outline, inset = _outline(plan)
-    n = len(outline)
+    x, z, inset = _outline(plan).T
     y = half - inset
-    for i in range(n):
-        j = (i + 1) % n
-        (xa, za), (xb, zb) = outline[i], outline[j]
-        quad = [(xa, -y[i], za), (xa, y[i], za), (xb, y[j], zb), (xb, -y[j], zb)]
-        kind = _STRIPS[i]
+    for i, kind in enumerate(_STRIPS):
+        j = (i + 1) % len(_STRIPS)
+        quad = [(x[i], -y[i], z[i]), (x[i], y[i], z[i]), (x[j], y[j], z[j]), (x[j], -y[j], z[j])]
         if i > 4:  # behind the roof's front the upper edge comes first: keep pictures upright
             quad = quad[2:] + quad[:2]
+        patch: int | Image = glass if kind == "glass" else top
         if kind in ("front", "rear"):
-            patch = model.patch(vehicle_art.end(plan, rng, rgb, front=kind == "front"))
-        else:
-            patch = glass if kind == "glass" else top
+            patch = vehicle_art.end(plan, rng, rgb, front=kind == "front")
         model.add(polygon(quad), patch, 0.45 if kind == "under" else 1.0)
     for sign in (-1, 1):
-        model.add(_flank(plan, outline, inset, sign), patches[sign])
+        model.add(_flank(plan, np.column_stack([x, sign * y, z]), sign), patches[sign])
     if plan.style == "pickup":
         _bed(plan, model, top, rng)
     _wheels(plan, model, rng)
@@ -54,56 +51,43 @@ def build(plan: VehiclePlan, rng: np.random.Generator) -> tuple[Surface, ...]:
     return (model.surface(),)
 
 
-def _outline(plan: VehiclePlan) -> tuple[list[tuple[float, float]], NDArray[np.float64]]:
-    """Side outline (x, z) from the front's foot over the roof to the rear, and its insets."""
-    length = plan.length_m
-    screen, front, rear, back = ((c - 0.5) * length for c in plan.cabin)
-    nose = length / 2
+def _outline(plan: VehiclePlan) -> NDArray[np.float64]:
+    """The side from the front's foot over the roof to the rear: x, z and inset, (9, 3)."""
+    screen, front, rear, back = ((c - 0.5) * plan.length_m for c in plan.cabin)
+    nose, slim = plan.length_m / 2, 0.1 if plan.style == "van" else 0.2
     points = [
-        (nose - 0.04, BOTTOM_M),
-        (nose, 0.58 * plan.bonnet_m + 0.1),
-        (nose - 0.12, plan.bonnet_m),
-        (screen, plan.belt_m + 0.02),
-        (front, plan.roof_m),
-        (rear, plan.roof_m - 0.03),
-        (back, plan.belt_m + 0.02),
-        (-nose, plan.tail_m),
-        (-nose + 0.03, BOTTOM_M),
+        (nose - 0.04, BOTTOM_M, 0.06),
+        (nose, 0.58 * plan.bonnet_m + 0.1, 0.03),
+        (nose - 0.12, plan.bonnet_m, 0.06),
+        (screen, plan.belt_m + 0.02, 0.05),
+        (front, plan.roof_m, slim),
+        (rear, plan.roof_m - 0.03, slim),
+        (back, plan.belt_m + 0.02, 0.05),
+        (-nose, plan.tail_m, 0.05),
+        (-nose + 0.03, BOTTOM_M, 0.05),
     ]
-    inset = np.array([0.06, 0.03, 0.06, 0.05, 0.2, 0.2, 0.05, 0.05, 0.05])
-    if plan.style == "van":
-        inset[4:6] = 0.1
-    return points, inset
+    return np.array(points)
 
 
 # What the strip from one point of the outline to the next is.
 _STRIPS = ("front", "paint", "paint", "glass", "paint", "glass", "paint", "rear", "under")
 
 
-def _flank(
-    plan: VehiclePlan, outline: list[tuple[float, float]], inset: NDArray[np.float64], sign: int
-) -> Part:
+def _flank(plan: VehiclePlan, outline: NDArray[np.float64], sign: int) -> Part:
     """One side: the body below the belt and the cabin above it; uv by position."""
-    half = plan.width_m / 2
-
-    def face(indices: list[int]) -> Part:
-        corners = [(outline[i][0], sign * (half - inset[i]), outline[i][1]) for i in indices]
-        u = [c[0] / plan.length_m + 0.5 for c in corners]
-        v = [c[2] / plan.roof_m for c in corners]
-        if sign > 0:
-            corners, u, v = corners[::-1], [1 - a for a in u[::-1]], v[::-1]
-        return polygon(corners, list(zip(u, v, strict=True)))
-
-    return join([face([0, 1, 2, 3]), face([0, 3, 6, 7, 8]), face([3, 4, 5, 6])])
+    uv = np.column_stack([outline[:, 0] / plan.length_m + 0.5, outline[:, 2] / plan.roof_m])
+    if sign > 0:
+        uv[:, 0] = 1 - uv[:, 0]
+    faces = ([0, 1, 2, 3], [0, 3, 6, 7, 8], [3, 4, 5, 6])
+    return join([polygon(outline[f], uv[f]) for f in (face[::-sign] for face in faces)])
 
 
-def _bed(plan: VehiclePlan, model: Model, paint: int, rng: np.random.Generator) -> None:
+def _bed(plan: VehiclePlan, model: Model, paint: int, rng: Generator) -> None:
     """A load on the pickup's bed."""
     length, half = plan.length_m, plan.width_m / 2 - 0.16
     x0, x1, z = -length / 2 + 0.15, (plan.cabin[3] - 0.5) * length - 0.08, plan.tail_m - 0.02
-    tarp = model.patch(
-        textures.wood(rng, (48, 96), textures.hsv(rng.uniform(20, 240), 0.35, 0.5), True)
-    )
+    rgb = textures.random_hsv(rng, (20, 240), 0.35, 0.5)
+    tarp = model.patch(textures.wood(rng, (48, 96), rgb, along_x=True))
     model.add(box((x0, -half, z), (x1, half, z + 0.05)), tarp)
     for _ in range(int(rng.integers(0, 3))):
         size = rng.uniform(0.25, 0.55, 3)
@@ -111,7 +95,7 @@ def _bed(plan: VehiclePlan, model: Model, paint: int, rng: np.random.Generator) 
         model.add(box((x, y, z), (x + size[0], y + size[1], z + 0.05 + size[2])), tarp)
 
 
-def _wheels(plan: VehiclePlan, model: Model, rng: np.random.Generator) -> None:
+def _wheels(plan: VehiclePlan, model: Model, rng: Generator) -> None:
     patch = model.patch(vehicle_art.wheel(rng))
     tyre = model.patch(textures.plain(rng, (32, 32, 34)))
     radius = 0.33 if plan.style in ("car", "hatch", "estate") else 0.37
@@ -119,8 +103,5 @@ def _wheels(plan: VehiclePlan, model: Model, rng: np.random.Generator) -> None:
         x = (f - 0.5) * plan.length_m
         for sign in (-1, 1):
             outer = sign * (plan.width_m / 2 + 0.02)
-            inner = outer - sign * 0.2
-            rim = tube((x, inner, radius), (x, outer, radius), radius, n=14, cap=True)
-            side = len(rim.points) - 14
-            model.add(Part(rim.points[:side], rim.faces[: 2 * 14], rim.uv[:side]), tyre)
-            model.add(Part(rim.points[side:], rim.faces[2 * 14 :] - side, rim.uv[side:]), patch)
+            ends = (x, outer - sign * 0.2, radius), (x, outer, radius)
+            model.add_drum(*ends, radius, 14, tyre, patch)
