@@ -7,11 +7,12 @@ a wall from all robots but one. Two robots see each wall, but never the same sid
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
 import shapely
+from numpy.random import Generator
 
 from vrchain import seeding
 from vrchain.geometry import Pose
@@ -22,7 +23,6 @@ from vrchain.world.model import Scene, SceneObject, Surface, place
 from vrchain.world.shapes import Image
 from vrchain.world.spec import LightSpec, SceneSpec
 from vrchain.world.suburb import ground
-from vrchain.world.suburb.streets import BEYOND_M
 from vrchain.world.things import boundaries, farm, furniture, plants, vehicle_plans, vehicles
 
 EXTENT_M = (90.0, 90.0)
@@ -42,24 +42,20 @@ _FIELDS_XY_M = {
     "clover": ((32, -2), (90, -2), (90, 60), (32, 60)),
 }
 
-_Build = Callable[[np.random.Generator], tuple[Surface, ...]]
-
-
-@dataclass(frozen=True, eq=False)
-class _Thing:
-    """What stands where, and how it is built."""
-
-    name: str
-    kind: str
-    pose: Pose
-    build: _Build
+_Build = Callable[[Generator], tuple[Surface, ...]]
+_Thing = tuple[str, str, tuple[float, ...], _Build]  # name, kind, (x, y, yaw), and how it is built
 
 
 def build(spec: SceneSpec) -> Scene:
     """The example of a spec's seed: headings, R1's start, the sun and all designs are drawn."""
     lit = _sun(spec.light, seeding.generator(spec.seed, "sun"))
     spec = replace(spec, light=lit, extent_m=EXTENT_M)
-    standing = (_built(spec.seed, thing) for thing in _things(spec.seed, spec.season))
+    standing = (
+        place(
+            name, kind, name, made(seeding.generator(spec.seed, name)), Pose(*pose), landmark=True
+        )
+        for name, kind, pose, made in _things(spec.seed, spec.season)
+    )
     floor = _floor(spec.season, seeding.generator(spec.seed, "ground"))
     return replace(outdoors(spec, standing, floor), robots=_robots(spec.seed), goal=GOAL)
 
@@ -77,7 +73,7 @@ def _robots(seed: int) -> tuple[tuple[str, Pose], ...]:
     return tuple(robots)
 
 
-def _sun(spec: LightSpec, rng: np.random.Generator) -> LightSpec:
+def _sun(spec: LightSpec, rng: Generator) -> LightSpec:
     """The spec's sun, some way on its path."""
     return replace(
         spec,
@@ -86,85 +82,59 @@ def _sun(spec: LightSpec, rng: np.random.Generator) -> LightSpec:
     )
 
 
-def _built(seed: int, thing: _Thing) -> SceneObject:
-    surfaces = thing.build(seeding.generator(seed, thing.name))
-    return place(thing.name, thing.kind, thing.name, surfaces, thing.pose, landmark=True)
-
-
 def _things(seed: int, season: str) -> Iterator[_Thing]:
-    plan = plans.draw_barn(seeding.generator(seed, GOAL, "plan"))
-    yield _Thing(GOAL, "barn", Pose(4.0, 31.0), partial(barn.build, plan))
-    yield _Thing("shed", "shed", Pose(-18.0, -19.5, np.pi / 2), farm.shed)
-    yield _Thing("water_tower", "water tower", Pose(18.0, -4.0, -np.pi / 2), farm.water_tower)
+    """What stands, from the south to the north but for the two walls."""
+
+    def draws(name: str) -> Generator:
+        return seeding.generator(seed, name, "plan")
+
+    def vehicle(name: str, *pose: float) -> _Thing:
+        """The first vehicle drawn that goes by this name."""
+        found = iter(partial(vehicle_plans.draw_plan, draws(name)), None)
+        plan = next(plan for plan in found if plan.name == name)
+        return name, "vehicle", pose, partial(vehicles.build, plan)
+
+    def tree(name: str, *pose: float) -> _Thing:
+        plan = plants.draw_tree(draws(name), _TREE_M)
+        return name, "tree", pose, partial(plants.build_tree, plan, season=season)
+
+    fence = partial(boundaries.build_fence, _RUN_M, True)
+    bush = partial(plants.build_bush, 1.9, season=season)
+    yield GOAL, "barn", (4.0, 31.0), partial(barn.build, plans.draw_barn(draws(GOAL)))
+    yield "shed", "shed", (-18.0, -19.5, np.pi / 2), farm.shed
+    yield "water_tower", "water tower", (18.0, -4.0, -np.pi / 2), farm.water_tower
     yield from _screens(seed)
-    yield from _south(seed, season)
-    yield from _middle(season)
-    yield from _north(seed, season)
+    # Around R1.
+    yield vehicle("pickup", 6.5, -26.0, 2.9)
+    yield tree("tree_01", 14.0, -27.0)
+    yield "bales_01", "bales", (-1.5, -36.5, 0.5), farm.bales
+    for k in range(3):
+        yield f"fence_{k + 1:02d}", "fence", (4.5 + 8.2 * k, -38.5), fence
+    # Around R2.
+    yield "bales_02", "bales", (-6.5, -7.5, 0.3), farm.bales
+    yield "trough", "trough", (-2.0, -17.3, 0.05), farm.trough
+    yield "bush", "bush", (6.0, -16.3), bush
+    yield "mailbox", "mailbox", (2.6, -8.6, -0.2), furniture.mailbox
+    # Around R3, before the barn.
+    yield tree("tree_02", -11.0, 14.0)
+    yield "bales_03", "bales", (-5.0, 7.0, -0.4), farm.bales
+    yield vehicle("car", 11.5, 13.5, -1.9)
+    for k, x_m in enumerate((-12.0, -3.8, 12.0, 20.2), start=4):
+        yield f"fence_{k:02d}", "fence", (x_m, 20.5), fence
 
 
 def _screens(seed: int) -> Iterator[_Thing]:
     """The two walls, each of three runs."""
-    number = 0
-    for material, first_x_m, y_m in (("stone", -6.0, -19.5), ("brick", -10.0, -4.5)):
+    for first, material, first_x_m, y_m in ((1, "stone", -6.0, -19.5), (4, "brick", -10.0, -4.5)):
         draws = seeding.generator(seed, "wall", material)
         for k, plan in enumerate(farm.wall_plans(3, _RUN_M, _WALL_M, material, draws)):
-            number += 1
-            pose = Pose(first_x_m + k * _RUN_M, y_m)
-            yield _Thing(f"wall_{number:02d}", "wall", pose, partial(farm.high_wall, plan))
+            pose = (first_x_m + k * _RUN_M, y_m)
+            yield f"wall_{first + k:02d}", "wall", pose, partial(farm.high_wall, plan)
 
 
-def _south(seed: int, season: str) -> Iterator[_Thing]:
-    """Around R1."""
-    yield _vehicle(seed, "pickup", Pose(6.5, -26.0, 2.9))
-    yield _tree(seed, 1, Pose(14.0, -27.0), season)
-    yield _Thing("bales_01", "bales", Pose(-1.5, -36.5, 0.5), farm.bales)
-    yield from (_fence(k + 1, Pose(4.5 + 8.2 * k, -38.5)) for k in range(3))
-
-
-def _middle(season: str) -> Iterator[_Thing]:
-    """Around R2."""
-    yield _Thing("bales_02", "bales", Pose(-6.5, -7.5, 0.3), farm.bales)
-    yield _Thing("trough", "trough", Pose(-2.0, -17.3, 0.05), farm.trough)
-    bush = partial(plants.build_bush, 1.9, season=season)
-    yield _Thing("bush", "bush", Pose(6.0, -16.3), bush)
-    yield _Thing("mailbox", "mailbox", Pose(2.6, -8.6, -0.2), furniture.mailbox)
-
-
-def _north(seed: int, season: str) -> Iterator[_Thing]:
-    """Around R3, before the barn."""
-    yield _tree(seed, 2, Pose(-11.0, 14.0), season)
-    yield _Thing("bales_03", "bales", Pose(-5.0, 7.0, -0.4), farm.bales)
-    yield _vehicle(seed, "car", Pose(11.5, 13.5, -1.9))
-    for k, x_m in enumerate((-12.0, -3.8, 12.0, 20.2)):
-        yield _fence(k + 4, Pose(x_m, 20.5))
-
-
-def _vehicle(seed: int, name: str, pose: Pose) -> _Thing:
-    """The first vehicle drawn that goes by this name."""
-    draws = seeding.generator(seed, name, "plan")
-    plan = vehicle_plans.draw_plan(draws)
-    while plan.name != name:
-        plan = vehicle_plans.draw_plan(draws)
-    return _Thing(name, "vehicle", pose, partial(vehicles.build, plan))
-
-
-def _fence(number: int, pose: Pose) -> _Thing:
-    return _Thing(
-        f"fence_{number:02d}", "fence", pose, partial(boundaries.build_fence, _RUN_M, True)
-    )
-
-
-def _tree(seed: int, number: int, pose: Pose, season: str) -> _Thing:
-    name = f"tree_{number:02d}"
-    plan = plants.draw_tree(seeding.generator(seed, name, "plan"), _TREE_M)
-    return _Thing(name, "tree", pose, partial(plants.build_tree, plan, season=season))
-
-
-def _floor(season: str, rng: np.random.Generator) -> Iterator[SceneObject]:
+def _floor(season: str, rng: Generator) -> Iterator[SceneObject]:
     """A lane through grass, a yard before the barn, and fields around."""
-    everything = shapely.box(
-        *(-e / 2 - BEYOND_M for e in EXTENT_M), *(e / 2 + BEYOND_M for e in EXTENT_M)
-    )
+    everything = ground.around(EXTENT_M)
     lane = _smooth(shapely.LineString(_LANE_XY_M)).buffer(_LANE_M / 2, cap_style="flat")
     yard = shapely.box(-7.0, 21.5, 15.0, 26.0).buffer(1.5)
     fields = {name: shapely.Polygon(xy) for name, xy in _FIELDS_XY_M.items()}

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 import shapely
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
@@ -17,23 +18,19 @@ Piece = tuple[str, str, shapely.Geometry, Image, float]  # name, kind, region, t
 
 
 def build_ground(
-    layout: Layout,
-    extent_m: tuple[float, float],
-    season: str,
-    rng: np.random.Generator,
+    layout: Layout, extent_m: tuple[float, float], season: str, rng: Generator
 ) -> Iterator[SceneObject]:
     """Ground objects, on z = 0; none is solid or a landmark."""
-    streets = layout.streets
-    half = np.array(extent_m) / 2 + BEYOND_M
-    everything = shapely.box(*-half, *half)
+    streets, homes = layout.streets, layout.homesteads
+    everything = around(extent_m)
     marking = shapely.union_all(list(_markings(streets))).intersection(streets.road)
     outside = everything.difference(streets.corridor)
-    tracks = [p.yard for p in layout.premises if p.kind == "barn"]
-    drives = shapely.union_all([h.driveway for h in layout.homesteads] + tracks)
+    pavement = streets.corridor.difference(streets.road.buffer(KERB_M))
+    yards = {k: [p.yard for p in layout.premises if p.kind == k] for k in ("barn", "shop")}
+    drives = shapely.union_all([*(h.driveway for h in homes), *yards["barn"]])
     drives = drives.intersection(outside)
-    courts = shapely.union_all([p.yard for p in layout.premises if p.kind == "shop"])
-    courts = courts.intersection(outside).difference(drives)
-    paths = shapely.union_all([h.path for h in layout.homesteads]).intersection(outside)
+    courts = shapely.union_all(yards["shop"]).intersection(outside).difference(drives)
+    paths = shapely.union_all([h.path for h in homes]).intersection(outside)
     paths = paths.difference(shapely.union_all([drives, courts]))
     paved = shapely.union_all([drives, courts, paths])
     lawns = _lawns(layout, outside.difference(paved))
@@ -43,28 +40,33 @@ def build_ground(
         colour = textures.hsv(hue + rng.uniform(-4, 4), rng.uniform(0.42, 0.55), value)
         return textures.ground(rng, seasons.grass(colour, season), contrast, 4)
 
-    asphalt = textures.ground(rng, textures.hsv(220, 0.04, rng.uniform(0.36, 0.46)), 0.075, 2)
-    grey = textures.hsv(35, 0.08, 0.68)
+    def mineral(rgb: textures.Colour, contrast: float, warmth: float, size_px: int = 512) -> Image:
+        return textures.ground(rng, rgb, contrast, warmth, size_px)
+
+    def slabs(hue: float, saturation: float, value: float, *px: int) -> Image:
+        return textures.paving(rng, textures.hsv(hue, saturation, value), *px)
+
+    asphalt = mineral(textures.random_hsv(rng, 220, 0.04, (0.36, 0.46)), 0.075, 2)
     pieces = [
         ("road", "road", streets.road.difference(marking), asphalt, 7.0),
-        ("marking", "marking", marking, textures.ground(rng, (232, 230, 222), 0.06, 3, 128), 3.0),
-        ("kerb", "kerb", streets.kerb, textures.ground(rng, (178, 175, 168), 0.09, 3, 128), 2.0),
-        (
-            "pavement",
-            "pavement",
-            streets.corridor.difference(streets.road.buffer(KERB_M)),
-            textures.paving(rng, grey, 32),
-            8.0,
-        ),
-        ("driveways", "driveway", drives, textures.ground(rng, (176, 170, 160), 0.08, 4, 256), 4.0),
-        ("paths", "path", paths, textures.paving(rng, textures.hsv(25, 0.22, 0.7), 24, 256), 4.0),
-        ("forecourts", "path", courts, textures.paving(rng, textures.hsv(28, 0.14, 0.6), 40), 5.0),
+        ("marking", "marking", marking, mineral((232, 230, 222), 0.06, 3, 128), 3.0),
+        ("kerb", "kerb", streets.kerb, mineral((178, 175, 168), 0.09, 3, 128), 2.0),
+        ("pavement", "pavement", pavement, slabs(35, 0.08, 0.68, 32), 8.0),
+        ("driveways", "driveway", drives, mineral((176, 170, 160), 0.08, 4, 256), 4.0),
+        ("paths", "path", paths, slabs(25, 0.22, 0.7, 24, 256), 4.0),
+        ("forecourts", "path", courts, slabs(28, 0.14, 0.6, 40), 5.0),
         ("lawn_1", "grass", lawns[0], grass(84, 0.56), 7.0),
         ("lawn_2", "grass", lawns[1], grass(92, 0.5), 6.0),
         ("lawn_3", "grass", lawns[2], grass(76, 0.6), 8.0),
         ("grass", "grass", rest, grass(80, 0.52, 0.12), 9.0),
     ]
     return lay(pieces, everything)
+
+
+def around(extent_m: tuple[float, float]) -> shapely.Polygon:
+    """All ground of a map of that size, which goes on beyond it."""
+    half = np.array(extent_m) / 2 + BEYOND_M
+    return shapely.box(*-half, *half)
 
 
 def lay(pieces: Sequence[Piece], everything: shapely.Geometry) -> Iterator[SceneObject]:
@@ -117,34 +119,25 @@ def _triangles(region: shapely.Geometry) -> NDArray[np.float64]:
 
 def _markings(streets: Streets) -> Iterator[shapely.Geometry]:
     """Centre dashes, zebra crossings and stop lines at junctions."""
+    half = streets.width_m / 2
     for street in streets.lines:
-        crossings = [
-            street.line.project(p) for p in streets.junctions if street.line.distance(p) < 0.1
-        ]
-        clear = streets.half_m + 4.5
+        crossings, clear = np.array(streets.met_m(street)), streets.half_m + 4.5
         last = street.line.length - (streets.half_m + TURNING_M if street.head else 3.0)
         for along in np.arange(1.0, last, 5.0):
-            if all(abs(along + 1.2 - c) > clear + 1.2 for c in crossings):
+            if (np.abs(along + 1.2 - crossings) > clear + 1.2).all():
                 yield _strip(street, along, along + 2.4, 0.0, 0.07)
         for c, sign in streets.arms(street):
             near = c + sign * (streets.half_m + 0.5)
             far = near + sign * 2.4
-            for aside in np.arange(-streets.width_m / 2 + 0.5, streets.width_m / 2 - 0.3, 0.95):
+            for aside in np.arange(-half + 0.5, half - 0.3, 0.95):
                 yield _strip(street, min(near, far), max(near, far), float(aside), 0.22)
             stop = far + sign * 0.6
             # Traffic keeps right: before a junction the line lies across the right-hand lane.
-            yield _strip(
-                street,
-                stop - 0.15,
-                stop + 0.15,
-                sign * streets.width_m / 4,
-                streets.width_m / 4 - 0.25,
-            )
+            yield _strip(street, stop - 0.15, stop + 0.15, sign * half / 2, half / 2 - 0.25)
 
 
 def _strip(
     street: Street, start_m: float, end_m: float, aside_m: float, half_m: float
 ) -> shapely.Polygon:
-    (a, _), (b, _) = (street.at(s, aside_m - half_m) for s in (start_m, end_m))
-    (d, _), (c, _) = (street.at(s, aside_m + half_m) for s in (start_m, end_m))
-    return shapely.Polygon([a, b, c, d])
+    places = (start_m, -1), (end_m, -1), (end_m, 1), (start_m, 1)
+    return shapely.Polygon([street.at(m, aside_m + k * half_m).xy_m for m, k in places])

@@ -1,15 +1,17 @@
 """Lots along streets, and what is built on each: a house with driveway and path, a shop, a barn."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 import shapely
+from numpy.random import Generator
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
 from vrchain.world.buildings.plans import BarnPlan, HousePlan, ShopPlan
-from vrchain.world.suburb.streets import TURNING_M, Street, Streets
+from vrchain.world.suburb.streets import TURNING_M, Streets
 
 _DEPTH_M = 22.0
 _WIDTH_M = (14.8, 17.4)
@@ -36,11 +38,15 @@ class Lot:
     def pose(self, u_m: float, v_m: float, turn_rad: float = 0.0) -> Pose:
         """A pose of the lot's frame in the world; turn 0: a model's -y looks at the street."""
         x, y = self.to_world(np.array([u_m, v_m]))
-        return Pose(float(x), float(y), self.yaw_rad + turn_rad)
+        return Pose(float(x), float(y), self.yaw_rad + float(turn_rad))
 
     def rectangle(self, u0: float, v0: float, u1: float, v1: float) -> shapely.Polygon:
         """A rectangle of the lot's frame in the world."""
         return shapely.Polygon(self.to_world(np.array([(u0, v0), (u1, v0), (u1, v1), (u0, v1)])))
+
+    def strip(self, u_m: float, half_m: float, reach_m: float) -> shapely.Polygon:
+        """A rectangle around u from the pavement inwards."""
+        return self.rectangle(u_m - half_m, 0.0, u_m + half_m, reach_m)
 
     @property
     def middle_xy_m(self) -> NDArray[np.float64]:
@@ -50,7 +56,7 @@ class Lot:
     @cached_property
     def polygon(self) -> shapely.Polygon:
         """The whole lot."""
-        return self.rectangle(-self.width_m / 2, 0.0, self.width_m / 2, self.depth_m)
+        return self.strip(0.0, self.width_m / 2, self.depth_m)
 
     @cached_property
     def inner(self) -> shapely.Polygon:
@@ -60,77 +66,76 @@ class Lot:
 
 
 @dataclass(frozen=True, eq=False)
-class Homestead:
-    """A lot with its house."""
+class _Built:
+    """A lot with a building; centre_uv_m: where its plan's middle is."""
 
     lot: Lot
-    plan: HousePlan
-    house_uv_m: tuple[float, float]  # the plan's middle
-    driveway_u_m: float
-
-    @property
-    def pose(self) -> Pose:
-        return self.lot.pose(*self.house_uv_m)
-
-    @property
-    def house_front_v_m(self) -> float:
-        return self.house_uv_m[1] - self.plan.size_m[1] / 2
-
-    @cached_property
-    def driveway(self) -> shapely.Polygon:
-        """From the pavement to the garage, or beside the house."""
-        reach = self.house_front_v_m + 2.5
-        if self.plan.garage:
-            reach = self.house_uv_m[1] + self.plan.garage.y0
-        half = DRIVEWAY_M / 2
-        return self.lot.rectangle(self.driveway_u_m - half, 0.0, self.driveway_u_m + half, reach)
-
-    @cached_property
-    def path(self) -> shapely.Polygon:
-        """From the pavement to the door."""
-        u = self.house_uv_m[0] + self.plan.door_x_m
-        porch = self.plan.porch
-        return self.lot.rectangle(
-            u - 0.6, 0.0, u + 0.6, self.house_uv_m[1] + (porch.y0 if porch else 0.0)
-        )
-
-
-@dataclass(frozen=True, eq=False)
-class Premises:
-    """A lot with a shop or a barn."""
-
-    kind: str  # "shop" or "barn"
-    lot: Lot
-    plan: ShopPlan | BarnPlan
-    centre_uv_m: tuple[float, float]  # the plan's middle
+    centre_uv_m: tuple[float, float]
 
     @property
     def pose(self) -> Pose:
         return self.lot.pose(*self.centre_uv_m)
 
+
+@dataclass(frozen=True, eq=False)
+class Homestead(_Built):
+    """A lot with its house."""
+
+    plan: HousePlan
+    driveway_u_m: float
+
+    @property
+    def front_v_m(self) -> float:
+        """Where the house begins, its porch included."""
+        return self.centre_uv_m[1] - self.plan.size_m[1] / 2
+
+    @cached_property
+    def driveway(self) -> shapely.Polygon:
+        """From the pavement to the garage, or beside the house."""
+        garage = self.plan.garage
+        reach = self.centre_uv_m[1] + garage.y0 if garage else self.front_v_m + 2.5
+        return self.lot.strip(self.driveway_u_m, DRIVEWAY_M / 2, reach)
+
+    @cached_property
+    def path(self) -> shapely.Polygon:
+        """From the pavement to the door."""
+        u, v = self.centre_uv_m
+        return self.lot.strip(u + self.plan.door_x_m, 0.6, v + self.plan.porch.y0)
+
+
+@dataclass(frozen=True, eq=False)
+class Premises(_Built):
+    """A lot with a shop or a barn."""
+
+    plan: ShopPlan | BarnPlan
+
+    @property
+    def kind(self) -> str:
+        """ "shop" or "barn"."""
+        return "barn" if isinstance(self.plan, BarnPlan) else "shop"
+
     @cached_property
     def yard(self) -> shapely.Polygon:
         """What is paved from the pavement to a shop's whole front, or to a barn's door."""
-        u, v = self.centre_uv_m
-        main = self.plan.main
+        (u, v), main = self.centre_uv_m, self.plan.main
         if isinstance(self.plan, BarnPlan):
-            u += (main.x0 + main.x1) / 2
-            half = self.plan.door_m[0] / 2 + 0.3
-        else:
-            half = self.plan.main.width_m / 2 + 0.6
-        return self.lot.rectangle(u - half, 0.0, u + half, v + main.y0)
+            return self.lot.strip(u + main.middle_x_m, self.plan.door_m[0] / 2 + 0.3, v + main.y0)
+        return self.lot.strip(u, main.width_m / 2 + 0.6, v + main.y0)
 
 
-def draw_lots(
-    streets: Streets, extent_m: tuple[float, float], rng: np.random.Generator
-) -> list[Lot]:
+def draw_lots(streets: Streets, extent_m: tuple[float, float], rng: Generator) -> list[Lot]:
     """As many lots as fit side by side along the streets, none overlapping."""
     on_map = shapely.box(*(-e / 2 + 0.5 for e in extent_m), *(e / 2 - 0.5 for e in extent_m))
     lots: list[Lot] = []
     taken = [streets.corridor.buffer(-0.4)]
 
-    def fits(ground: shapely.Geometry) -> bool:
+    def fits(lot: Lot) -> bool:
+        ground = lot.inner
         return bool(on_map.contains(ground)) and not shapely.intersects(taken, ground).any()
+
+    def take(lot: Lot) -> None:
+        lots.append(lot)
+        taken.append(lot.inner)
 
     for street in streets.lines:
         for side in (1, -1):
@@ -138,64 +143,55 @@ def draw_lots(
             width = rng.uniform(*_WIDTH_M)
             along += rng.uniform(0, 1.5) + width / 2
             while along < end - width / 2:
-                front, heading = street.at(along, side * streets.half_m)
-                yaw = heading if side > 0 else heading + np.pi
+                front = streets.beside(street, along, side, streets.pavement_m)
                 sizes = ((float(width), _DEPTH_M), *_TIGHT_M)
-                tries = [Lot(front, float(yaw), *size) for size in sizes]
-                if not fits(tries[-1].inner):  # the least, so no other does
+                tries = [Lot(front.xy_m, front.yaw_rad, *size) for size in sizes]
+                if not fits(tries[-1]):  # the least, so no other does
                     along += 0.5
                     continue
-                lot = next(lot for lot in tries if fits(lot.inner))
-                lots.append(lot)
-                taken.append(lot.inner)
+                lot = next(lot for lot in tries if fits(lot))
+                take(lot)
                 along += lot.width_m / 2
                 width = rng.uniform(*_WIDTH_M)
                 along += width / 2
-    for street in streets.lines:
-        for lot in _round_head(street, streets):
-            if fits(lot.inner):
-                lots.append(lot)
-                taken.append(lot.inner)
+    for lot in _round_heads(streets):
+        if fits(lot):
+            take(lot)
     return lots
 
 
-def _round_head(street: Street, streets: Streets) -> list[Lot]:
-    """Lots that look at the turning circle where a street ends: ahead, left, right."""
-    if street.head is None:
-        return []
-    _, heading = street.at(street.line.length)
-    found = []
-    for turn in (0.0, 1.15, -1.15):
-        yaw = heading + turn - np.pi / 2
-        outward = np.array([np.cos(heading + turn), np.sin(heading + turn)])
-        front = np.array([street.head.x, street.head.y]) + outward * (streets.half_m + TURNING_M)
-        found.append(Lot(front, float(yaw), *_TIGHT_M[0]))
-    return found
+def _round_heads(streets: Streets) -> Iterator[Lot]:
+    """Lots that look at the turning circles where streets end: ahead, left, right."""
+    for street in streets.lines:
+        if street.head is None:
+            continue
+        end = street.at(street.line.length)
+        for turn in (0.0, 1.15, -1.15):
+            outward = np.array([np.cos(end.yaw_rad + turn), np.sin(end.yaw_rad + turn)])
+            centre = np.array([street.head.x, street.head.y])
+            front = centre + outward * (streets.half_m + TURNING_M)
+            yield Lot(front, end.yaw_rad + turn - np.pi / 2, *_TIGHT_M[0])
 
 
-def settle(lot: Lot, plan: HousePlan, setback_m: float, rng: np.random.Generator) -> Homestead:
+def settle(lot: Lot, plan: HousePlan, setback_m: float, rng: Generator) -> Homestead:
     """The house on its lot, set back; without a garage to one side, so that a car fits beside."""
     width, depth = plan.size_m
     room = lot.width_m / 2 - width / 2 - _SIDE_M
     side = plan.garage_side or int(rng.choice([-1, 1]))
     if plan.garage:
         u = float(rng.uniform(-room, room))
-        drive = u + (plan.garage.x0 + plan.garage.x1) / 2
+        drive = u + plan.garage.middle_x_m
     else:
         u = -side * room
         drive = side * (lot.width_m / 2 - DRIVEWAY_M / 2 - 0.4)
-    return Homestead(lot, plan, (u, setback_m + depth / 2), drive)
+    return Homestead(lot, (u, setback_m + depth / 2), plan, drive)
 
 
 def occupy(
-    kind: str,
-    lot: Lot,
-    plan: ShopPlan | BarnPlan,
-    setback_m: tuple[float, float],
-    rng: np.random.Generator,
+    lot: Lot, plan: ShopPlan | BarnPlan, setback_m: tuple[float, float], rng: Generator
 ) -> Premises:
     """A shop or a barn on its lot, somewhere between its sides, set back if there is room."""
     width, depth = plan.size_m
     room = max(0.0, lot.width_m / 2 - width / 2 - _SIDE_M)
     setback = min(float(rng.uniform(*setback_m)), lot.depth_m - depth - _SIDE_M)
-    return Premises(kind, lot, plan, (float(rng.uniform(-room, room)), setback + depth / 2))
+    return Premises(lot, (float(rng.uniform(-room, room)), setback + depth / 2), plan)

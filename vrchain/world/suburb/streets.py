@@ -5,14 +5,16 @@ edge, some only to another street (a T-junction) or to a turning circle (a dead 
 reach the map's edge run on beyond it, so that the view along them does not end there.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
+from numpy.random import Generator
 from shapely import affinity, ops
 
+from vrchain.geometry import Pose
 from vrchain.world.spec import SceneSpec
 
 BEYOND_M = 100.0  # how far the ground goes on outside the map
@@ -34,14 +36,15 @@ class Street:
     on_map_m: tuple[float, float]  # where along the line that stretch begins and ends
     head: shapely.Point | None = None  # the middle of the turning circle where it ends, if it does
 
-    def at(self, along_m: float, aside_m: float = 0.0) -> tuple[NDArray[np.float64], float]:
-        """The point ``along_m`` the line, ``aside_m`` to its left, (2,), and the heading there."""
+    def at(self, along_m: float, aside_m: float = 0.0) -> Pose:
+        """The place ``along_m`` the line, ``aside_m`` to its left, and the heading there."""
         # A negative distance would count from the line's end.
         a, b = (self.line.interpolate(max(along_m + d, 0.0)) for d in (-0.5, 0.5))
         # Rounded: processors' arctan2 differ in the last bit, and by that how ground is cut.
         heading = round(float(np.arctan2(b.y - a.y, b.x - a.x)), 12)
-        middle = np.array([(a.x + b.x) / 2, (a.y + b.y) / 2])
-        return middle + aside_m * np.array([-np.sin(heading), np.cos(heading)]), heading
+        x_m = (a.x + b.x) / 2 + aside_m * -np.sin(heading)
+        y_m = (a.y + b.y) / 2 + aside_m * np.cos(heading)
+        return Pose(float(x_m), float(y_m), heading)
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,11 +90,19 @@ class Streets:
         """The middles of turning circles."""
         return tuple(s.head for s in self.lines if s.head)
 
+    def beside(self, street: Street, along_m: float, side: int, beyond_kerb_m: float) -> Pose:
+        """A place left (1) or right (-1) of a road; a model's -y looks at it."""
+        place = street.at(along_m, side * (self.width_m / 2 + beyond_kerb_m))
+        return place if side > 0 else replace(place, yaw_rad=place.yaw_rad + np.pi)
+
+    def met_m(self, street: Street) -> list[float]:
+        """Where along a street its junctions are."""
+        return [street.line.project(p) for p in self.junctions if street.line.distance(p) < 0.1]
+
     def arms(self, street: Street) -> list[tuple[float, int]]:
         """Where a street leaves its junctions: (along_m of the junction, 1 onwards or -1 back)."""
-        met = [street.line.project(p) for p in self.junctions if street.line.distance(p) < 0.1]
-        reach = self.half_m + 8.0
-        return [(c, s) for c in met for s in (-1, 1) if 0 < c + s * reach < street.line.length]
+        reach, length = self.half_m + 8.0, street.line.length
+        return [(c, s) for c in self.met_m(street) for s in (-1, 1) if 0 < c + s * reach < length]
 
     def _around(self, reach_m: float) -> shapely.Geometry:
         strips = [s.line.buffer(reach_m, cap_style="flat") for s in self.lines]
@@ -100,7 +111,7 @@ class Streets:
         return joined.buffer(_CORNER_M).buffer(-_CORNER_M)
 
 
-def draw_streets(spec: SceneSpec, rng: np.random.Generator) -> Streets:
+def draw_streets(spec: SceneSpec, rng: Generator) -> Streets:
     """A random pattern of gently bent streets; one passes ``START_XY_M``.
 
     It is drawn in a frame (t, o) along and across the long streets, the map's middle at its origin.
@@ -116,10 +127,10 @@ def draw_streets(spec: SceneSpec, rng: np.random.Generator) -> Streets:
     slope, knee = _bend(spec, rng), rng.uniform(-0.3, 0.3) * half_t  # what long streets share
     nearest = int(np.argmin(np.abs(places - start_o)))
     on_long = bool(abs(places[nearest] - start_o) < 0.2 * gap)
-    long = []
-    for k, place in enumerate(places):
-        through = (start_t, start_o) if on_long and k == nearest else (0.0, place)
-        long.append(_course(spec, rng, through, slope, knee))
+    through = [(0.0, place) for place in places]
+    if on_long:
+        through[nearest] = (start_t, start_o)
+    long = [_course(spec, rng, point, slope, knee) for point in through]
 
     crosses = [] if on_long else [start_t]
     for place in rng.permutation(np.arange(-half_t + 20.0, half_t - 20.0, 5.0)):
@@ -132,36 +143,28 @@ def draw_streets(spec: SceneSpec, rng: np.random.Generator) -> Streets:
     made = [_long(rng, line, half_t, [start_t, *crosses]) for line in long]
     for k, place in enumerate(crosses):
         must = start_o if k == 0 and not on_long else None
-        through = (start_o if must is not None else 0.0, place)
-        line = _course(spec, rng, through, _bend(spec, rng), rng.uniform(-0.3, 0.3) * half_o)
-        swapped = shapely.LineString(np.asarray(line.coords)[:, ::-1])
-        made.append(_cross(rng, swapped, long, half_o, must))
+        slope, knee = _bend(spec, rng), rng.uniform(-0.3, 0.3) * half_o
+        line = _course(spec, rng, (must or 0.0, place), slope, knee)
+        made.append((_cross(rng, _swapped(line), long, must), False))
 
     turn = rng.uniform(-_TURN_RAD, _TURN_RAD)
     on_map = shapely.box(*-np.array(spec.extent_m) / 2, *np.array(spec.extent_m) / 2)
-    half_m = spec.streets.width_m / 2 + spec.streets.pavement_m
+    width_m, pavement_m = spec.streets.width_m, spec.streets.pavement_m
     streets = []
     for line, dead_end in made:
-        if swap:
-            line = shapely.LineString(np.asarray(line.coords)[:, ::-1])
+        line = _swapped(line) if swap else line
         line = affinity.rotate(line, turn, origin=START_XY_M, use_radians=True)
-        street = _street(line, dead_end, on_map, half_m)
-        if street:
-            streets.append(street)
-    return Streets(tuple(streets), spec.streets.width_m, spec.streets.pavement_m)
+        streets.append(_street(line, dead_end, on_map, width_m / 2 + pavement_m))
+    return Streets(tuple(s for s in streets if s), width_m, pavement_m)
 
 
-def _bend(spec: SceneSpec, rng: np.random.Generator) -> float:
+def _bend(spec: SceneSpec, rng: Generator) -> float:
     """The slope that a street takes on where it bends; half the streets do not."""
     return float(rng.uniform(-0.06, 0.06)) * spec.streets.bend_m if rng.random() < 0.5 else 0.0
 
 
 def _course(
-    spec: SceneSpec,
-    rng: np.random.Generator,
-    through: tuple[float, float],
-    slope: float,
-    knee_m: float,
+    spec: SceneSpec, rng: Generator, through: tuple[float, float], slope: float, knee_m: float
 ) -> shapely.LineString:
     """A centre line along the first axis: a wave, and a bend by ``slope`` at ``knee_m``."""
     reach = float(np.hypot(*spec.extent_m)) / 2 + 1.5 * BEYOND_M
@@ -175,8 +178,13 @@ def _course(
     return shapely.LineString(np.column_stack([t, offset]))
 
 
+def _swapped(line: shapely.LineString) -> shapely.LineString:
+    """The line with its axes exchanged."""
+    return shapely.transform(line, lambda xy: xy[:, ::-1])
+
+
 def _long(
-    rng: np.random.Generator, line: shapely.LineString, half_m: float, met_m: list[float]
+    rng: Generator, line: shapely.LineString, half_m: float, met_m: Sequence[float]
 ) -> tuple[shapely.LineString, bool]:
     """A long street as it is built, and whether it has a dead end, off all that it meets."""
     side, end = int(rng.choice([-1, 1])), half_m - rng.uniform(22.0, 40.0)
@@ -190,26 +198,21 @@ def _long(
 
 
 def _cross(
-    rng: np.random.Generator,
+    rng: Generator,
     line: shapely.LineString,
-    long: list[shapely.LineString],
-    half_m: float,
+    long: Sequence[shapely.LineString],
     keep_m: float | None,
-) -> tuple[shapely.LineString, bool]:
-    """A crossing street as it is built, and whether it has a dead end; ``keep_m`` stays on it."""
+) -> shapely.LineString:
+    """A crossing street as it is built; ``keep_m`` stays on it."""
     met = sorted(line.project(line.intersection(other).centroid) for other in long)
-    low, high = 0.0, line.length
-    for side in (-1, 1):
+    ends = [0.0, line.length]
+    for k, side in enumerate((-1, 1)):
         if rng.random() < 0.45:
             continue
-        # A little over the other's centre line, so that the two cross.
-        end = met[0] - 0.5 if side < 0 else met[-1] + 0.5
-        if keep_m is not None:
-            y = line.interpolate(end).y
-            if side * y < side * keep_m + 8.0:
-                continue
-        low, high = (end, high) if side < 0 else (low, end)
-    return ops.substring(line, low, high), False
+        end = met[-k] + side * 0.5  # a little over the other's centre line, so that the two cross
+        if keep_m is None or side * line.interpolate(end).y >= side * keep_m + 8.0:
+            ends[k] = end
+    return ops.substring(line, *ends)
 
 
 def _street(
