@@ -23,9 +23,8 @@ Material = Callable[[Generator, Shape, Colour, float], Image]
 
 def hsv(hue_deg: float, saturation: float, value: float) -> Colour:
     """A colour (r, g, b) in 0..255; saturation and value in 0..1."""
-    r, g, b = colorsys.hsv_to_rgb(
-        hue_deg % 360 / 360, np.clip(saturation, 0, 1), np.clip(value, 0, 1)
-    )
+    saturation, value = np.clip((saturation, value), 0, 1)
+    r, g, b = colorsys.hsv_to_rgb(hue_deg % 360 / 360, saturation, value)
     return 255 * r, 255 * g, 255 * b
 
 
@@ -47,15 +46,10 @@ def noise(rng: Generator, shape: Shape, cell_px: float, *, tile: bool = False) -
     grid = rng.standard_normal((rows, cols), dtype=np.float32)
     if not tile:
         return cv2.resize(grid, (w, h), interpolation=cv2.INTER_CUBIC) * np.float32(1.25)
-    pad = 2
-    grid = np.pad(grid, pad, mode="wrap")
     scale_y, scale_x = h / rows, w / cols
-    big = cv2.resize(
-        grid,
-        (round((cols + 2 * pad) * scale_x), round((rows + 2 * pad) * scale_y)),
-        interpolation=cv2.INTER_CUBIC,
-    )
-    top, left = round(pad * scale_y), round(pad * scale_x)
+    size = (round((cols + 4) * scale_x), round((rows + 4) * scale_y))
+    big = cv2.resize(np.pad(grid, 2, mode="wrap"), size, interpolation=cv2.INTER_CUBIC)
+    top, left = round(2 * scale_y), round(2 * scale_x)
     return big[top : top + h, left : left + w] * np.float32(1.25)
 
 
@@ -87,9 +81,7 @@ def _cells(
 ) -> tuple[Field, Field, Field, Field]:
     """Courses of units: draws of brightness and warmth of each, and (dy, dx) in px inside it."""
     h, w = shape
-    y = np.arange(h, dtype=np.float32)[::-1, None] + np.float32(
-        0.5
-    )  # courses count from the bottom
+    y = np.arange(h, dtype=np.float32)[::-1, None] + np.float32(0.5)  # courses from the bottom
     x = np.arange(w, dtype=np.float32)[None, :] + np.float32(rng.uniform(0, cell_w))
     course = np.floor(y / cell_h).astype(np.int64)
     shifted = x + cell_w * ((course * stagger) % 1.0).astype(np.float32)
@@ -117,12 +109,8 @@ def siding(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image
     cell_h, cell_w = rng.uniform(0.14, 0.26) * px_per_m, rng.uniform(1.6, 3.6) * px_per_m
     value, warmth, dy, dx = _cells(rng, shape, cell_h, cell_w, 0.37)
     streak = cv2.blur(rng.standard_normal(shape, dtype=np.float32), (15, 1)) * 2
-    light = (
-        0.055 * value
-        + 0.04 * streak
-        + 0.1 * (dy / cell_h - 0.6)
-        + 0.04 * fractal(rng, shape, 40, 3)
-    )
+    light = 0.055 * value + 0.04 * streak + 0.1 * (dy / cell_h - 0.6)
+    light += 0.04 * fractal(rng, shape, 40, 3)
     light -= 0.4 * (dy < max(1.2, 0.025 * px_per_m)) + 0.3 * (dx < 1.0)
     return coloured(base, light, 4 * warmth)
 
@@ -163,19 +151,18 @@ def half_timber(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> 
     h, w = shape
     dark = hsv(rng.uniform(12, 35), rng.uniform(0.3, 0.6), rng.uniform(0.18, 0.35))
     thick = max(3, int(rng.uniform(0.13, 0.2) * px_per_m))
-    posts = np.arange(0, w + 1, max(8, int(rng.uniform(0.9, 1.6) * px_per_m)))
-    rails = np.arange(0, h + 1, max(8, int(rng.uniform(1.0, 1.5) * px_per_m)))
-    for x0, x1 in itertools.pairwise(posts):
-        for y0, y1 in itertools.pairwise(rails):
-            style = rng.integers(4)
-            if style in (0, 2):
-                cv2.line(image, (int(x0), h - int(y0)), (int(x1), h - int(y1)), dark, thick)
-            if style in (1, 2):
-                cv2.line(image, (int(x1), h - int(y0)), (int(x0), h - int(y1)), dark, thick)
+    posts = range(0, w + 1, max(8, int(rng.uniform(0.9, 1.6) * px_per_m)))
+    rails = range(0, h + 1, max(8, int(rng.uniform(1.0, 1.5) * px_per_m)))
+    for (x0, x1), (y0, y1) in itertools.product(*map(itertools.pairwise, (posts, rails))):
+        style = rng.integers(4)
+        if style in (0, 2):
+            cv2.line(image, (x0, h - y0), (x1, h - y1), dark, thick)
+        if style in (1, 2):
+            cv2.line(image, (x1, h - y0), (x0, h - y1), dark, thick)
     for x in posts:
-        cv2.line(image, (int(x), 0), (int(x), h), dark, thick)
+        cv2.line(image, (x, 0), (x, h), dark, thick)
     for y in rails:
-        cv2.line(image, (0, h - int(y)), (w, h - int(y)), dark, thick)
+        cv2.line(image, (0, h - y), (w, h - y), dark, thick)
     return image
 
 
@@ -189,18 +176,14 @@ def stone(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> Image:
     y = np.arange(h, dtype=np.float32)[:, None] / np.float32(0.7 * cell) + 1.5
     x = np.arange(w, dtype=np.float32)[None, :] / np.float32(cell) + 1.5
     row, col = np.floor(y).astype(np.int64), np.floor(x).astype(np.int64)
-    near = np.full(shape, np.inf, dtype=np.float32)
-    second = near.copy()
-    owner = np.zeros(shape, dtype=np.int64)
-    for di in (-1, 0, 1):
-        for dj in (-1, 0, 1):
-            i, j = row + di, col + dj
-            gap_y, gap_x = y - (i + 0.5 + jitter[i, j, 0]), x - (j + 0.5 + jitter[i, j, 1])
-            distance = np.abs(gap_y) ** 1.6 + np.abs(gap_x) ** 1.6
-            closer = distance < near
-            second = np.where(closer, near, np.minimum(second, distance))
-            owner = np.where(closer, i * cols + j, owner)
-            near = np.where(closer, distance, near)
+    cells, distances = [], []
+    for di, dj in itertools.product((-1, 0, 1), repeat=2):
+        i, j = row + di, col + dj
+        gap_y, gap_x = y - (i + 0.5 + jitter[i, j, 0]), x - (j + 0.5 + jitter[i, j, 1])
+        cells.append(i * cols + j)
+        distances.append(np.abs(gap_y) ** 1.6 + np.abs(gap_x) ** 1.6)
+    owner = np.choose(np.argmin(distances, axis=0), cells)
+    near, second = np.sort(distances, axis=0)[:2]
     light = 0.2 * value[0].ravel()[owner] + 0.06 * noise(rng, shape, 2) - 0.15 * near
     image = coloured(base, light, 14 * value[1].ravel()[owner])
     image[second - near < 0.12] = np.clip(rng.choice([60, 170, 205]), 0, 255)
@@ -239,11 +222,8 @@ def metal_sheet(rng: Generator, shape: Shape, base: Colour, px_per_m: float) -> 
     """A roof of metal sheets with upright seams."""
     pitch = rng.uniform(0.35, 0.6) * px_per_m
     x = np.arange(shape[1], dtype=np.float32)[None, :] % np.float32(pitch)
-    light = (
-        0.3 * (x < 1.2)
-        - 0.3 * ((x > 1.2) & (x < 2.6))
-        + 0.07 * fractal(rng, shape, 1.5 * px_per_m, 4)
-    )
+    light = 0.3 * (x < 1.2) - 0.3 * ((x > 1.2) & (x < 2.6))
+    light = light + 0.07 * fractal(rng, shape, 1.5 * px_per_m, 4)
     return coloured(base, light.astype(np.float32), 5 * noise(rng, shape, 10))
 
 
@@ -304,11 +284,8 @@ def ground(
     shape = (size_px, size_px)
     grain = noise(rng, shape, 1.5, tile=True) + 0.7 * noise(rng, shape, 4, tile=True)
     broad = 0.15 * fractal(rng, shape, 90, 3, tile=True)
-    return coloured(
-        base,
-        np.float32(contrast) * (grain + broad),
-        np.float32(warmth) * noise(rng, shape, 24, tile=True),
-    )
+    warmer = np.float32(warmth) * noise(rng, shape, 24, tile=True)
+    return coloured(base, np.float32(contrast) * (grain + broad), warmer)
 
 
 def paving(rng: Generator, base: Colour, slab_px: int, size_px: int = 512) -> Image:
@@ -318,9 +295,6 @@ def paving(rng: Generator, base: Colour, slab_px: int, size_px: int = 512) -> Im
     draws = rng.standard_normal((n, n), dtype=np.float32)
     value: Field = draws.repeat(slab_px, axis=0).repeat(slab_px, axis=1)
     y, x = np.indices(shape) % slab_px
-    light = (
-        0.05 * value
-        + 0.05 * noise(rng, shape, 1.5, tile=True)
-        + 0.04 * fractal(rng, shape, 50, 3, tile=True)
-    )
+    light = 0.05 * value + 0.05 * noise(rng, shape, 1.5, tile=True)
+    light += 0.04 * fractal(rng, shape, 50, 3, tile=True)
     return coloured(base, light - 0.3 * ((x < 2) | (y < 2)), np.float32(3) * value)

@@ -12,7 +12,7 @@ from numpy.random import Generator
 
 from vrchain.world import textures
 from vrchain.world.buildings import facade_style, facades, roofs
-from vrchain.world.buildings.openings import Opening
+from vrchain.world.buildings.facades import Opening
 from vrchain.world.buildings.plans import STOREY_M, HousePlan
 from vrchain.world.buildings.shell import Shell
 from vrchain.world.drawing import frame

@@ -12,7 +12,7 @@ from numpy.random import Generator
 from vrchain.world import textures
 from vrchain.world.buildings import facade_style, facades, roofs
 from vrchain.world.buildings.facade_style import PX_PER_M
-from vrchain.world.buildings.openings import Opening
+from vrchain.world.buildings.facades import Opening
 from vrchain.world.buildings.plans import GROUND_FLOOR_M, STOREY_M, ShopPlan
 from vrchain.world.buildings.shell import Shell
 from vrchain.world.drawing import fill, frame, write

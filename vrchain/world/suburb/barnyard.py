@@ -23,7 +23,7 @@ from vrchain.world.model import Scene, SceneObject, Surface, place
 from vrchain.world.shapes import Image
 from vrchain.world.spec import LightSpec, SceneSpec
 from vrchain.world.suburb import ground
-from vrchain.world.things import boundaries, farm, furniture, plants, vehicle_plans, vehicles
+from vrchain.world.things import boundaries, farm, furniture, plants, vehicles
 
 EXTENT_M = (90.0, 90.0)
 GOAL = "barn"
@@ -90,7 +90,7 @@ def _things(seed: int, season: str) -> Iterator[_Thing]:
 
     def vehicle(name: str, *pose: float) -> _Thing:
         """The first vehicle drawn that goes by this name."""
-        found = iter(partial(vehicle_plans.draw_plan, draws(name)), None)
+        found = iter(partial(vehicles.draw_plan, draws(name)), None)
         plan = next(plan for plan in found if plan.name == name)
         return name, "vehicle", pose, partial(vehicles.build, plan)
 

@@ -14,7 +14,7 @@ from vrchain.world.spec import SceneSpec
 from vrchain.world.suburb.lots import Homestead, Lot
 from vrchain.world.suburb.site import Candidate, Placement, repeats
 from vrchain.world.suburb.streets import Street, Streets
-from vrchain.world.things import plants, vehicle_plans
+from vrchain.world.things import plants, vehicles
 
 _RUN_M = 6.5  # of a fence, wall or hedge; a run may have 8 m at most
 _TURN_RAD = 2 * np.pi
@@ -57,13 +57,13 @@ def parked(
     count = spec.vehicles.count
     twins = repeats(count, spec.twins, seeding.generator(spec.seed, "vehicle", "twins"))
     for i in range(count + 60):
-        vehicles = [p for p in placed if p.kind == "vehicle"]
-        if len(vehicles) in twins:
-            original = vehicles[twins[len(vehicles)]]
+        so_far = [p for p in placed if p.kind == "vehicle"]
+        if len(so_far) in twins:
+            original = so_far[twins[len(so_far)]]
             plan, model = original.plan, original.model
         else:
             draws = seeding.generator(spec.seed, "vehicle", i, "plan")
-            plan, model = vehicle_plans.draw_plan(draws), None
+            plan, model = vehicles.draw_plan(draws), None
         shape = _around(plan.length_m / 2 + 0.05, plan.width_m / 2 + 0.15)
         group = []
         if i < round(spec.vehicles.in_driveway * count):

@@ -4,21 +4,22 @@ The pictures are (h, w, 4) uint8, a twig's foot at the middle of the bottom. Lea
 little larger than life, or they would be finer than a pixel ten metres away.
 """
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numpy.random import Generator
 from numpy.typing import NDArray
 
-from vrchain.world import textures
 from vrchain.world.shapes import Image, Part
+from vrchain.world.textures import Colour, Shape, times
+
+Points = NDArray[np.float64]
 
 _WOOD_RGB = (84.0, 70.0, 56.0)
 
 
-def twig(
-    rng: np.random.Generator, size_px: int, colour: textures.Colour, leaf_px: float, slim: float
-) -> Image:
+def twig(rng: Generator, size_px: int, colour: Colour, leaf_px: float, slim: float) -> Image:
     """A branching twig in leaf, filling a ragged disc; ``slim``: a leaf's width by its length."""
     card = _empty((size_px, size_px), colour)
     foot = np.array([size_px / 2, size_px - 2.0])
@@ -37,7 +38,7 @@ def twig(
     return card
 
 
-def strands(rng: np.random.Generator, shape: textures.Shape, colour: textures.Colour) -> Image:
+def strands(rng: Generator, shape: Shape, colour: Colour) -> Image:
     """Thin shoots that hang from the top to uneven ends, with narrow leaves."""
     h, w = shape
     card = _empty(shape, colour)
@@ -45,13 +46,13 @@ def strands(rng: np.random.Generator, shape: textures.Shape, colour: textures.Co
         end = h * rng.uniform(0.62, 0.98)
         sway = rng.normal(0, 0.05 * w) * np.linspace(0, 1, 44) ** 2
         at = np.stack([x + sway, np.linspace(0, end, 44)], axis=1)
-        _line(card, at[0], at[-1], textures.times(colour, 0.7))
+        _line(card, at[0], at[-1], times(colour, 0.7))
         angle = np.pi + rng.choice([-0.45, 0.45], 44) + rng.normal(0, 0.2, 44)
         _leaves(rng, card, at, angle, 0.2 * w, 0.3, colour)
     return card
 
 
-def bough(rng: np.random.Generator, shape: textures.Shape, colour: textures.Colour) -> Image:
+def bough(rng: Generator, shape: Shape, colour: Colour) -> Image:
     """A branch of a conifer, its foot below: side shoots that needles make ragged."""
     h, w = shape
     card = _empty(shape, colour)
@@ -63,78 +64,65 @@ def bough(rng: np.random.Generator, shape: textures.Shape, colour: textures.Colo
             out = wide * rng.uniform(0.75, 1.0)
             tip = root + out * np.array([side, -0.55])
             tone = rng.uniform(0.6, 1.15) + 0.1 * k / n
-            _needles(rng, card, root, tip, textures.times(colour, tone))
+            _needles(rng, card, root, tip, times(colour, tone))
     return card
 
 
-def strew(rng: np.random.Generator, card: Image, rgb: textures.Colour, n: int) -> None:
+def strew(rng: Generator, card: Image, rgb: Colour, n: int) -> None:
     """Draw flowers or fruit on the leaves of a picture."""
     y, x = np.nonzero(card[..., 3])
     for k in rng.integers(0, len(x), n):
-        light = textures.times(rgb, rng.uniform(0.8, 1.05))
+        light = times(rgb, rng.uniform(0.8, 1.05))
         cv2.circle(card, (int(x[k]), int(y[k])), 2, (*light, 255), -1)
 
 
-@dataclass(frozen=True, eq=False)
-class Cards:
+class Cards(NamedTuple):
     """Rectangles that each show a whole picture, from both sides.
 
     foot_m: (k, 3), the middle of the picture's lower edge; right_m, up_m: (k, 3), its edges; they
     face right x up. fold_m: (k, 3) or None, how far the middle line from the foot up is lifted.
     """
 
-    foot_m: NDArray[np.float64]
-    right_m: NDArray[np.float64]
-    up_m: NDArray[np.float64]
-    fold_m: NDArray[np.float64] | None = None
+    foot_m: Points
+    right_m: Points
+    up_m: Points
+    fold_m: Points | None = None
 
     def every(self, step: int, first: int) -> "Cards":
         """Each ``step``-th card, from card ``first``."""
-        fold = None if self.fold_m is None else self.fold_m[first::step]
-        return Cards(
-            self.foot_m[first::step], self.right_m[first::step], self.up_m[first::step], fold
-        )
+        cut = slice(first, None, step)
+        fold = None if self.fold_m is None else self.fold_m[cut]
+        return Cards(self.foot_m[cut], self.right_m[cut], self.up_m[cut], fold)
 
     def part(self) -> Part:
         """The triangles: two a card, four where it is folded."""
-        flat = self.fold_m is None
-        uv = np.array(
-            [(0, 0), (1, 0), (0, 1), (1, 1)]
-            if flat
-            else [(0, 0), (0.5, 0), (1, 0), (0, 1), (0.5, 1), (1, 1)]
-        )
-        quads = [(0, 1, 3, 2)] if flat else [(0, 1, 4, 3), (1, 2, 5, 4)]
+        across = (0, 1) if self.fold_m is None else (0, 0.5, 1)
+        n, k = len(across), len(self.foot_m)
+        uv = np.array([(u, v) for v in (0, 1) for u in across])
         u, v = uv[:, :1], uv[:, 1:]
         points = self.foot_m[:, None] + (u - 0.5) * self.right_m[:, None] + v * self.up_m[:, None]
         if self.fold_m is not None:
             points += (u == 0.5) * self.fold_m[:, None]
+        quads = [(i, i + 1, i + n + 1, i + n) for i in range(n - 1)]
         faces = np.array([f for a, b, c, d in quads for f in ((a, b, c), (a, c, d))])
-        first = len(uv) * np.arange(len(points))[:, None, None]
-        k = len(points)
+        first = len(uv) * np.arange(k)[:, None, None]
         return Part(points.reshape(-1, 3), (first + faces).reshape(-1, 3), np.tile(uv, (k, 1)))
 
 
-def _empty(shape: textures.Shape, colour: textures.Colour) -> Image:
+def _empty(shape: Shape, colour: Colour) -> Image:
     """Nothing but air, of the leaves' colour: or small mip levels would have dark rims."""
-    return np.full((*shape, 4), (*textures.times(colour, 0.8), 0), dtype=np.uint8)
+    return np.full((*shape, 4), (*times(colour, 0.8), 0), dtype=np.uint8)
 
 
-def _line(
-    card: Image, start: NDArray[np.float64], end: NDArray[np.float64], rgb: textures.Colour
-) -> None:
+def _line(card: Image, start: Points, end: Points, rgb: Colour) -> None:
     a, b = (tuple(int(c) for c in np.round(p)) for p in (start, end))
     cv2.line(card, a, b, (*rgb, 255), 1)
 
 
 def _leaves(
-    rng: np.random.Generator,
-    card: Image,
-    at: NDArray[np.float64],
-    angle_rad: NDArray[np.float64],
-    leaf_px: float,
-    slim: float,
-    colour: textures.Colour,
-) -> None:
+    rng: Generator, card: Image, at: Points, angle_rad: Points, leaf_px: float, slim: float,
+    colour: Colour,
+) -> None:  # fmt: skip
     """Pointed leaves from ``at`` (n, 2) px, angle 0 upwards, later ones lighter; none cut off."""
     n = len(at)
     length = leaf_px * rng.uniform(0.7, 1.15, n)[:, None]
@@ -151,23 +139,14 @@ def _leaves(
         cv2.fillConvexPoly(card, polygon, (*leaf.tolist(), 255))
 
 
-def _needles(
-    rng: np.random.Generator,
-    card: Image,
-    root: NDArray[np.float64],
-    tip: NDArray[np.float64],
-    rgb: textures.Colour,
-) -> None:
+def _needles(rng: Generator, card: Image, root: Points, tip: Points, rgb: Colour) -> None:
     """A shoot: a tapering ragged sliver from root to tip."""
     ahead = tip - root
     aside = np.array([-ahead[1], ahead[0]]) / max(np.linalg.norm(ahead), 1e-9)
-    n = 6
-    t = np.linspace(0, 1, n)[:, None]
+    t = np.linspace(0, 1, 6)[:, None]
     thick = card.shape[1] * 0.055 * (1.15 - t)
-    left = root + t * ahead + aside * thick * rng.uniform(0.5, 1.5, (n, 1))
-    right = root + t * ahead - aside * thick * rng.uniform(0.5, 1.5, (n, 1))
+    left = root + t * ahead + aside * thick * rng.uniform(0.5, 1.5, (6, 1))
+    right = root + t * ahead - aside * thick * rng.uniform(0.5, 1.5, (6, 1))
     outline = np.round(np.concatenate([left, right[::-1]])).astype(np.int32)
     cv2.fillPoly(card, [outline], (*rgb, 255))
-    mid = np.round([root, tip]).astype(np.int32)
-    dark = (*textures.times(rgb, 0.7), 255)
-    cv2.line(card, tuple(mid[0].tolist()), tuple(mid[1].tolist()), dark, 1)
+    _line(card, root, tip, times(rgb, 0.7))
