@@ -7,38 +7,40 @@ import numpy as np
 import pytest
 import shapely
 import worlds
+from _pytest.mark import ParameterSet
 from scipy import ndimage
+from suburbs import too_close
 
 from vrchain.errors import SpecError
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import co_visible
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
-from vrchain.world import Scene, SceneSpec, build_scene, load_scene, load_spec
+from vrchain.world import Scene, build_scene, load_scene, load_spec
 from vrchain.world.spec import parse_spec
 from vrchain.world.suburb.barnyard import GOAL, START_SPREAD_M
 from vrchain.world.truth import GroundTruth
 
 BARN = SCENES / "barn.yaml"
 RIG = CameraRig()
-FEW, MANY = range(3), range(3, 20)
+FEW = range(3)
+
+
+def slow(seeds: range) -> list[ParameterSet]:
+    return [pytest.param(seed, marks=pytest.mark.slow) for seed in seeds]
+
+
 GROUND = {"lane", "yard", "field", "grass", "backdrop"}
-
-
-def spec_of(seed: int) -> SceneSpec:
-    """Every seed its own light, now and then another time of day and season."""
-    document = {
-        "layout": "barn",
-        "seed": 10_000 + seed,
-        "season": ("summer", "autumn", "winter", "spring")[seed % 4],
-        "light": {"time": ("noon", "evening", "overcast")[seed % 3]},
-    }
-    return parse_spec(document)
 
 
 @cache
 def scene_of(seed: int) -> Scene:
-    return build_scene(spec_of(seed))
+    """Every seed its own light, now and then another time of day and season."""
+    season = ("summer", "autumn", "winter", "spring")[seed % 4]
+    light = {"time": ("noon", "evening", "overcast")[seed % 3]}
+    return build_scene(
+        parse_spec({"layout": "barn", "seed": 10_000 + seed, "season": season, "light": light})
+    )
 
 
 def seen_by(truth: GroundTruth, pose: Pose) -> tuple[set[str], set[str]]:
@@ -48,7 +50,7 @@ def seen_by(truth: GroundTruth, pose: Pose) -> tuple[set[str], set[str]]:
     return set(names.values()), {n for i, n in names.items() if table.visible[i]}
 
 
-@pytest.mark.parametrize("seed", [*FEW, *(pytest.param(s, marks=pytest.mark.slow) for s in MANY)])
+@pytest.mark.parametrize("seed", [*FEW, *slow(range(3, 20))])
 def test_the_robots_see_what_the_example_says(seed: int) -> None:
     scene = scene_of(seed)
     truth, robots = GroundTruth(scene), dict(scene.robots)
@@ -58,9 +60,7 @@ def test_the_robots_see_what_the_example_says(seed: int) -> None:
         for pair in (("R1", "R2"), ("R2", "R3"), ("R1", "R3"))
     }
     assert common == {("R1", "R2"): ["shed"], ("R2", "R3"): ["water_tower"], ("R1", "R3"): []}
-    any_of, visible = {}, {}
-    for name, pose in robots.items():
-        any_of[name], visible[name] = seen_by(truth, pose)
+    any_of, visible = ({n: seen_by(truth, p)[k] for n, p in robots.items()} for k in (0, 1))
     assert any_of["R1"].isdisjoint(any_of["R3"])  # not one pixel of one thing
     walls = {o.name for o in scene.objects if o.kind == "wall"}
     assert (any_of["R1"] & any_of["R2"]) <= walls | {"shed"}
@@ -73,9 +73,7 @@ def test_the_robots_see_what_the_example_says(seed: int) -> None:
     assert all(len(v) >= 8 for v in visible.values())
 
 
-@pytest.mark.parametrize(
-    "seed", [0, *(pytest.param(s, marks=pytest.mark.slow) for s in range(1, 20))]
-)
+@pytest.mark.parametrize("seed", [0, *slow(range(1, 20))])
 def test_the_chain_can_be_driven(seed: int) -> None:
     """A robot gets near each landmark, and sees the next one from everywhere near it it can get."""
     scene = scene_of(seed)
@@ -107,14 +105,12 @@ def way_from(scene: Scene, start: Pose, step_m: float = 0.5) -> list[tuple[float
 
 
 def test_the_robots_stand_free_on_the_map_some_way_apart() -> None:
-    for seed in FEW:
-        scene = scene_of(seed)
+    for scene in map(scene_of, FEW):
         poses = [pose for _, pose in scene.robots]
         for pose in poses:
             scene.check_pose(pose)
         assert scene.clearance_m([p.xy_m for p in poses]).min() > 1.0
-        for a, b in pairwise(poses):
-            assert 13 < a.distance_to_m(b.xy_m) < 30
+        assert all(13 < a.distance_to_m(b.xy_m) < 30 for a, b in pairwise(poses))
         assert scene.goal == GOAL
 
 
@@ -135,8 +131,7 @@ def test_seeds_vary_headings_light_designs_and_where_r1_starts() -> None:
 
 
 def test_what_stands_is_a_landmark_on_the_ground_and_in_nothing_s_way() -> None:
-    for seed in FEW:
-        scene = scene_of(seed)
+    for scene in map(scene_of, FEW):
         standing = [o for o in scene.objects if o.kind not in GROUND]
         assert all(o.landmark == o.solid == (o in standing) for o in scene.objects)
         assert scene.table.name.is_unique
@@ -144,32 +139,22 @@ def test_what_stands_is_a_landmark_on_the_ground_and_in_nothing_s_way() -> None:
             assert abs(thing.bounds_m[0, 2]) < 0.06, thing.name
             if thing.kind in ("wall", "fence"):
                 assert max(thing.size_m[:2]) <= 8.0
-        others = [o for o in standing if o.kind != "wall"]
-        for i, thing in enumerate(others):
-            for other in others[i + 1 :]:
-                apart = thing.footprint.distance(other.footprint)
-                assert apart > 0.8 or {thing.kind, other.kind} == {"fence"}, (
-                    thing.name,
-                    other.name,
-                )
+        close = too_close([o for o in standing if o.kind != "wall"])
+        assert [pair for pair in close if not all(n.startswith("fence") for n in pair)] == []
 
 
 def test_the_ground_is_covered_once() -> None:
-    area = 0.0
     scene = scene_of(0)
-    for thing in scene.objects:
-        if thing.kind in GROUND - {"backdrop"}:
-            for s in thing.surfaces:
-                corners = s.vertices_m[s.faces][:, :, :2].astype(float)
-                area += float(shapely.area(shapely.polygons(corners)).sum())
+    flat = [s for o in scene.objects if o.kind in GROUND - {"backdrop"} for s in o.surfaces]
+    triangles = np.concatenate([s.vertices_m[s.faces] for s in flat])[:, :, :2].astype(float)
+    area = shapely.area(shapely.polygons(triangles)).sum()
     width_m, height_m = (e + 200.0 for e in scene.extent_m)
     assert area == pytest.approx(width_m * height_m, rel=1e-4)
 
 
 def test_one_seed_gives_the_same_bytes_in_two_processes() -> None:
     code = (
-        "import sys, json; sys.path.insert(0, 'tests/world');"
-        "from test_suburb import digest; from vrchain.world import load_scene;"
+        "import json; from suburbs import digest; from vrchain.world import load_scene;"
         f"s = load_scene({str(BARN)!r}); print(json.dumps([digest(s), repr(s.robots)]))"
     )
     first, second = worlds.in_two_processes(code)
@@ -182,13 +167,11 @@ def test_the_file_of_the_scenes_folder_is_the_example() -> None:
     assert len(load_scene(BARN, seed=5).robots) == 3
 
 
-@pytest.mark.parametrize("key", ["houses", "streets", "extent_m", "trees"])
-def test_a_suburb_s_numbers_are_refused(key: str) -> None:
-    value = [90, 90] if key == "extent_m" else {}
-    with pytest.raises(SpecError, match=rf"{key}: the layout 'barn' has a plan of its own"):
+@pytest.mark.parametrize("key", ["houses", "streets", "extent_m", "trees", "layout"])
+def test_a_suburb_s_numbers_and_unknown_layouts_are_refused(key: str) -> None:
+    value = {"extent_m": [90, 90], "layout": "castle"}.get(key, {})
+    problem = "the layout 'barn' has a plan of its own"
+    if key == "layout":
+        problem = "expected one of suburb, barn, got 'castle'"
+    with pytest.raises(SpecError, match=f"{key}: {problem}"):
         parse_spec({"layout": "barn", key: value})
-
-
-def test_an_unknown_layout_is_named_with_those_there_are() -> None:
-    with pytest.raises(SpecError, match="layout: expected one of suburb, barn, got 'castle'"):
-        parse_spec({"layout": "castle"})

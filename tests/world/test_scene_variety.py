@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from vrchain.seeding import generator
 from vrchain.world import drawing
 from vrchain.world.buildings import barn, facade_style, houses, plans, shops
+from vrchain.world.buildings.plans import HousePlan
 from vrchain.world.model import Surface
 
 SEEDS = (2000, 3000)
@@ -17,11 +18,13 @@ N = 32  # houses of a suburb
 _PX_PER_M, _WIDTH_M, _HEIGHT_M = 8, 16.0, 10.0
 
 
-def house(seed: int, index: int, again: str = "") -> Surface:
-    """House ``index`` of a suburb as it is built there; ``again``: of the same plan, repainted."""
-    plan = plans.draw_house(generator(seed, "house", index, "plan"), 0.35)
-    (surface,) = houses.build(plan, generator(seed, "house" + again, index), index)
-    return surface
+def plan_of(seed: int, index: int) -> HousePlan:
+    return plans.draw_house(generator(seed, "house", index, "plan"), 0.35)
+
+
+def house(seed: int, index: int) -> Surface:
+    """House ``index`` of a suburb as it is built there."""
+    return houses.build(plan_of(seed, index), generator(seed, "house", index), index)[0]
 
 
 def front(surface: Surface) -> NDArray[np.float32]:
@@ -38,11 +41,9 @@ def front(surface: Surface) -> NDArray[np.float32]:
         across = np.array([b - a, c - a]).T
         if np.linalg.det(across) > -1e-6:  # turned away, as rows count downwards
             continue
-        low, high = np.min([a, b, c], axis=0).astype(int), np.max([a, b, c], axis=0).astype(int) + 1
-        x, y = np.meshgrid(
-            np.arange(max(0, low[0]), min(w, high[0])), np.arange(max(0, low[1]), min(h, high[1]))
-        )
-        x, y = x.ravel(), y.ravel()
+        low = np.maximum(np.min([a, b, c], axis=0).astype(int), 0)
+        high = np.minimum(np.max([a, b, c], axis=0).astype(int) + 1, (w, h))
+        x, y = (low[:, None, None] + np.indices(np.maximum(high - low, 0))).reshape(2, -1)
         share = np.linalg.solve(across, np.stack([x + 0.5 - a[0], y + 0.5 - a[1]]))
         inside = (share >= 0).all(axis=0) & (share.sum(axis=0) <= 1)
         u, v = (at[:1] + share.T @ (at[1:] - at[0])).T
@@ -70,12 +71,7 @@ def nearest(pictures: list[NDArray[np.float32]]) -> NDArray[np.float64]:
 
 def test_no_two_houses_share_a_picture_or_a_plan(built: list[Surface]) -> None:
     assert len({s.texture.tobytes() for s in built}) == len(built)
-    plans = {
-        plans.draw_house(generator(seed, "house", k, "plan"), 0.35)
-        for seed in SEEDS
-        for k in range(1, N + 1)
-    }
-    assert len(plans) == len(built)
+    assert len({plan_of(seed, k) for seed in SEEDS for k in range(1, N + 1)}) == len(built)
 
 
 def test_no_two_fronts_look_alike(built: list[Surface]) -> None:
@@ -96,7 +92,7 @@ def test_there_are_tens_of_combinations() -> None:
     walls, kinds = Counter(), Counter()
     for seed in range(5):
         for k in range(1, N + 1):
-            plan = plans.draw_house(generator(seed, "house", k, "plan"), 0.35)
+            plan = plan_of(seed, k)
             style = facade_style.random_style(generator(seed, "house", k), k)
             hue = int(np.argmax(style.wall_rgb)), round(sum(style.wall_rgb) / 128)
             door = int(np.argmax(style.door_rgb))
@@ -109,10 +105,9 @@ def test_there_are_tens_of_combinations() -> None:
 
 
 def test_shops_have_names_and_fronts_of_their_own() -> None:
-    plans = [plans.draw_shop(generator(seed, "shop", k)) for seed in range(10) for k in (1, 2)]
-    assert len({(p.name, p.trade) for p in plans}) == len(plans)
-    built = [shops.build(p, generator(k, "build"))[0] for k, p in enumerate(plans)]
-    assert len({s.texture.tobytes() for s in built}) == len(built)
+    drawn = [plans.draw_shop(generator(seed, "shop", k)) for seed in range(10) for k in (1, 2)]
+    assert len({(p.name, p.trade) for p in drawn}) == len(drawn)
+    built = [shops.build(p, generator(k, "build"))[0] for k, p in enumerate(drawn)]
     assert nearest([front(s) for s in built]).min() > 4.0
 
 
@@ -123,10 +118,8 @@ def test_a_sign_is_as_large_as_its_letters_and_reads() -> None:
     ink = (board > 140).all(axis=2)
     rows, columns = np.flatnonzero(ink.any(axis=1)), np.flatnonzero(ink.any(axis=0))
     assert np.ptp(rows) > 0.4 * 39
-    assert rows.min() >= 1
-    assert rows.max() <= 37
-    assert columns.min() > 5
-    assert columns.max() < 475
+    assert 1 <= rows.min() < rows.max() <= 37
+    assert 5 < columns.min() < columns.max() < 475
     assert abs(columns.min() + columns.max() - 480) < 30  # in the middle
 
 
@@ -136,12 +129,9 @@ def test_a_barn_stands_within_its_outline(seed: int) -> None:
     (surface,) = barn.build(plan, np.random.default_rng(seed))
     points = surface.vertices_m
     assert abs(points[:, 2].min()) < 1e-6
-    low = points[points[:, 2] < 1.6]
+    low = points[points[:, 2] < 1.6][:, :2]
     x0, y0, x1, y1 = plan.outline.bounds
-    assert low[:, 0].min() >= x0 - 0.01
-    assert low[:, 0].max() <= x1 + 0.01
-    assert low[:, 1].min() >= y0 - 0.01
-    assert low[:, 1].max() <= y1 + 0.01
+    assert (low >= (x0 - 0.01, y0 - 0.01)).all() and (low <= (x1 + 0.01, y1 + 0.01)).all()
     assert (x0 + x1, y0 + y1) == pytest.approx((0, 0), abs=1e-9)
     assert points[:, 2].max() > plan.wall_m + 2.0
 

@@ -11,16 +11,9 @@ from vrchain.world.shapes import Image
 
 BASE = (150.0, 120.0, 100.0)
 WALLS = [
-    textures.brick,
-    textures.siding,
-    textures.boards,
-    textures.shakes,
-    textures.plaster,
-    textures.half_timber,
-    textures.stone,
-    textures.shingles,
-    textures.metal_sheet,
-]
+    textures.brick, textures.siding, textures.boards, textures.shakes, textures.plaster,
+    textures.half_timber, textures.stone, textures.shingles, textures.metal_sheet,
+]  # fmt: skip
 
 
 @pytest.mark.parametrize("paint", WALLS, ids=lambda m: m.__name__)

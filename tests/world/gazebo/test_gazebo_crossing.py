@@ -1,6 +1,5 @@
 """The small world of our own making in ``scenes/``: a bit of all that Gazebo's models do."""
 
-import json
 import warnings
 from collections import Counter
 
@@ -47,9 +46,8 @@ def test_the_seed_changes_nothing() -> None:
 
 def test_the_same_bytes_in_two_processes() -> None:
     code = (
-        "import json; from test_suburb import digest; from vrchain.world import load_scene;"
+        "import json; from suburbs import digest; from vrchain.world import load_scene;"
         f"print(json.dumps(digest(load_scene({str(CROSSING)!r}))))"
     )
-    path = f"import sys; sys.path.insert(0, {json.dumps(str(worlds.ROOT / 'tests' / 'world'))});"
-    first, second = worlds.in_two_processes(path + code)
+    first, second = worlds.in_two_processes(code)
     assert first == second
