@@ -1,6 +1,7 @@
+from functools import partial
+
 import numpy as np
 import pytest
-from numpy.typing import NDArray
 
 from vrchain.seeding import generator
 from vrchain.world import textures
@@ -12,13 +13,11 @@ GREEN = textures.hsv(90, 0.5, 0.6)
 SPECIES = sorted(set(plants.SPECIES))
 
 
-def drawn(name: str) -> NDArray[np.uint8]:
-    rng = generator(0, "foliage", name)
-    return {
-        "twig": lambda: foliage.twig(rng, 80, GREEN, 10.0, 0.6),
-        "strands": lambda: foliage.strands(rng, (160, 48), GREEN),
-        "bough": lambda: foliage.bough(rng, (112, 80), GREEN),
-    }[name]()
+CARDS = {
+    "twig": partial(foliage.twig, size_px=80, colour=GREEN, leaf_px=10.0, slim=0.6),
+    "strands": partial(foliage.strands, shape=(160, 48), colour=GREEN),
+    "bough": partial(foliage.bough, shape=(112, 80), colour=GREEN),
+}
 
 
 def tree(species: str, seed: int = 0) -> tuple[TreePlan, tuple[Surface, ...]]:
@@ -26,16 +25,16 @@ def tree(species: str, seed: int = 0) -> tuple[TreePlan, tuple[Surface, ...]]:
     return plan, plants.build_tree(plan, generator(seed, "tree", species))
 
 
-@pytest.mark.parametrize("name", ["twig", "strands", "bough"])
+@pytest.mark.parametrize("name", CARDS)
 def test_a_leaf_card_is_partly_air_of_the_leaves_colour_with_a_ragged_rim(name: str) -> None:
-    picture = drawn(name)
+    picture, again = (CARDS[name](generator(0, "foliage", name)) for _ in range(2))
     solid = picture[..., 3] >= OPAQUE
     assert set(np.unique(picture[..., 3])) == {0, 255}
     assert 0.3 < solid.mean() < 0.75
     air = picture[~solid][:, :3]
     assert (air == air[0]).all()
     assert np.abs(air[0] - 0.8 * np.array(GREEN)).max() <= 1
-    assert np.array_equal(picture, drawn(name))
+    assert np.array_equal(picture, again)
 
     # Along the rim is hardly a leaf, but for where a twig's foot or a strand's top is.
     sides = [solid[:, 0], solid[:, -1], solid[0] if name != "strands" else solid[-1]]

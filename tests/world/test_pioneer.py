@@ -1,4 +1,3 @@
-import hashlib
 from dataclasses import replace
 
 import numpy as np
@@ -40,14 +39,11 @@ def test_robots_of_a_team_have_flags_of_their_own() -> None:
     assert apart[~np.eye(20, dtype=bool)].min() > 15
     assert apart[:4, :4][~np.eye(4, dtype=bool)].min() > 80
     assert pioneer.colour_of("scout") != pioneer.colour_of("rover")
-    first, second = pioneer.build("R1"), pioneer.build("R2")
-    assert first.vertices_m.tobytes() == second.vertices_m.tobytes()
-    assert 0 < (first.texture != second.texture).any(axis=2).mean() < 0.3  # flags, nothing else
-
-
-@pytest.mark.parametrize("name", ["", "scout 7b", "Zoë", "R" + "9" * 60])
-def test_any_name_will_do(name: str) -> None:
-    assert np.isfinite(pioneer.build(name).vertices_m).all()
+    first = pioneer.build("R1")
+    for name in ("R2", "", "scout 7b", "Zoë", "R" + "9" * 60):  # any name will do
+        other = pioneer.build(name)
+        assert first.vertices_m.tobytes() == other.vertices_m.tobytes()
+        assert 0 < (first.texture != other.texture).any(axis=2).mean() < 0.3  # nothing but flags
 
 
 def test_robots_stand_where_they_are_put() -> None:
@@ -73,14 +69,9 @@ def test_the_scenes_sun_shines_on_it() -> None:
 
 
 def test_two_processes_build_the_same_robot() -> None:
-    code = """
-import hashlib, json
-from vrchain.world.things import pioneer
-surface = pioneer.build("R1")
-arrays = (surface.vertices_m, surface.uv, surface.texture)
-print(json.dumps(hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()))
-"""
-    surface = pioneer.build("R1")
-    arrays = (surface.vertices_m, surface.uv, surface.texture)
-    here = hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()
+    code = (
+        "import json; from vrchain.world.things import pioneer;"
+        "print(json.dumps(pioneer.build('R1').digest.hex()))"
+    )
+    here = pioneer.build("R1").digest.hex()
     assert worlds.in_two_processes(code) == [here, here]
