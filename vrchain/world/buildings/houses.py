@@ -108,13 +108,13 @@ def _main_block(house: _House) -> None:
     door = Opening("door", plan.door_x_m - r.x0, 0.15, 0.95, 2.05)
     in_front = [(door.x_m - 0.9, door.x_m + 1.3)]
     in_front += [(part.x0 - r.x0, part.x1 - r.x0) for part in (plan.wing, plan.bay) if part]
-    left, right = _covered_sides(plan)
+    covered = _covered(plan)
     w, d, n = r.width_m, r.depth_m, plan.storeys
     openings = {
         "f": [door, *house.windows(w, n, in_front)],
-        "r": house.windows(d, n, right, 0.6),
+        "r": house.windows(d, n, covered.get("r", ()), 0.6),
         "b": house.windows(w, n),
-        "l": house.windows(d, n, left, 0.6),
+        "l": house.windows(d, n, covered.get("l", ()), 0.6),
     }
     gables = {"gable_x": "rl", "gable_y": "fb", "gambrel": "fb", "hip": ""}[plan.roof]
     for side in gables:
@@ -131,15 +131,15 @@ def _main_block(house: _House) -> None:
     house.roof(plan.roof, r, top)
 
 
-def _covered_sides(plan: HousePlan) -> tuple[_Intervals, _Intervals]:
-    """What a garage or chimney hides of the left and of the right wall, from each wall's left."""
+def _covered(plan: HousePlan) -> dict[str, _Intervals]:
+    """What a garage or chimney hides of a side wall, from the wall's left."""
     part, main = plan.garage or plan.chimney, plan.main  # no house has both
     if part is None:
-        return (), ()
+        return {}
     low, high = part.y0 - main.y0, part.y1 - main.y0
     if part.x0 > main.x0:
-        return (), ((low, high),)
-    return ((main.depth_m - high, main.depth_m - low),), ()
+        return {"r": [(low, high)]}
+    return {"l": [(main.depth_m - high, main.depth_m - low)]}
 
 
 def _garage(house: _House, r: Rect) -> None:

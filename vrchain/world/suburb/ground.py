@@ -1,6 +1,7 @@
 """The ground, cut into polygons that do not overlap: grass, road, pavement, marking, driveway."""
 
 from collections.abc import Iterator, Sequence
+from functools import partial
 
 import numpy as np
 import shapely
@@ -40,12 +41,10 @@ def build_ground(
         colour = textures.hsv(hue + rng.uniform(-4, 4), rng.uniform(0.42, 0.55), value)
         return textures.ground(rng, seasons.grass(colour, season), contrast, 4)
 
-    def mineral(rgb: textures.Colour, contrast: float, warmth: float, size_px: int = 512) -> Image:
-        return textures.ground(rng, rgb, contrast, warmth, size_px)
-
     def slabs(hue: float, saturation: float, value: float, *px: int) -> Image:
         return textures.paving(rng, textures.hsv(hue, saturation, value), *px)
 
+    mineral = partial(textures.ground, rng)
     asphalt = mineral(textures.random_hsv(rng, 220, 0.04, (0.36, 0.46)), 0.075, 2)
     pieces = [
         ("road", "road", streets.road.difference(marking), asphalt, 7.0),

@@ -4,7 +4,7 @@ Model frame: the front towards +x, the middle at the origin, wheels on z = 0.
 """
 
 import zlib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache
 
 import cv2
@@ -92,9 +92,9 @@ def _body(model: Model, rng: Generator) -> None:
     for i, part in enumerate(_ring(hull, 0.07, 0.2)):
         model.add(part, red if i else front, 0.9)
     model.add(_level(hull, 0.2), red)
-    perception = {n: model.patch(_sonars(n)) for n in (2, 4)}
+    sonars = {n: model.patch(_sonars(n)) for n in (2, 4)}
     for i, part in enumerate(_ring(_octagon(0.235, 0.15, 0.08), 0.2, _DECK_M)):  # long sides: 2, 6
-        model.add(part, perception[4 if i in (2, 6) else 2])
+        model.add(part, sonars[4 if i in (2, 6) else 2])
     plate = _octagon(SIZE_M[0] / 2, 0.19, 0.1)
     model.add(join(_ring(plate, _DECK_M, SIZE_M[2])), black)
     model.add(_level(plate, SIZE_M[2]), black)
@@ -123,37 +123,39 @@ def _lettered(name: str, rgb: Colour) -> Image:
     return image
 
 
+def _dots(image: Image, centres: Iterable[tuple[int, int]], radius_px: int, rgb: Colour) -> None:
+    for centre in centres:
+        cv2.circle(image, centre, radius_px, rgb, -1, cv2.LINE_AA)
+
+
 def _front() -> Image:
     """The nose: a bumper and two lights, by which people tell front from rear."""
     image = _canvas((32, 48), _RED)
     image[22:] = _BLACK
-    for x in (9, 38):
-        cv2.circle(image, (x, 11), 5, (245, 242, 225), -1, cv2.LINE_AA)
+    _dots(image, ((9, 11), (38, 11)), 5, (245, 242, 225))
     return image
 
 
 def _sonars(n: int) -> Image:
     image = _canvas((12, 16 * n), (24, 24, 26))
-    for i in range(n):
-        cv2.circle(image, (16 * i + 8, 6), 4, (196, 160, 70), -1, cv2.LINE_AA)
+    _dots(image, ((16 * i + 8, 6) for i in range(n)), 4, (196, 160, 70))
     return image
 
 
 def _hub() -> Image:
     image = _canvas((40, 40), (30, 30, 32))
-    cv2.circle(image, (20, 20), 12, (165, 165, 168), -1, cv2.LINE_AA)
-    for turn in np.arange(5) * 2 * np.pi / 5:
-        hole = round(20 + 7 * np.cos(turn)), round(20 + 7 * np.sin(turn))
-        cv2.circle(image, hole, 2, (60, 60, 62), -1, cv2.LINE_AA)
+    _dots(image, ((20, 20),), 12, (165, 165, 168))
+    holes = np.arange(5) * 2 * np.pi / 5
+    centres = ((round(20 + 7 * np.cos(t)), round(20 + 7 * np.sin(t))) for t in holes)
+    _dots(image, centres, 2, (60, 60, 62))
     return image
 
 
 def _lenses() -> Image:
     """The camera head unrolled: eight lenses."""
     image = _canvas((20, 128), (58, 60, 66))
-    for i in range(8):
-        cv2.circle(image, (16 * i + 8, 10), 5, (14, 16, 24), -1, cv2.LINE_AA)
-        cv2.circle(image, (16 * i + 7, 8), 1, (190, 205, 225), -1, cv2.LINE_AA)
+    _dots(image, ((16 * i + 8, 10) for i in range(8)), 5, (14, 16, 24))
+    _dots(image, ((16 * i + 7, 8) for i in range(8)), 1, (190, 205, 225))
     return image
 
 
