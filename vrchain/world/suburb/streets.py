@@ -5,6 +5,7 @@ edge, some only to another street (a T-junction) or to a turning circle (a dead 
 reach the map's edge run on beyond it, so that the view along them does not end there.
 """
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -78,12 +79,9 @@ class Streets:
     @cached_property
     def junctions(self) -> tuple[shapely.Point, ...]:
         """Where centre lines cross."""
-        points = []
-        for i, a in enumerate(self.lines):
-            for b in self.lines[i + 1 :]:
-                crossing = a.line.intersection(b.line)
-                points += [p for p in shapely.get_parts(crossing) if p.geom_type == "Point"]
-        return tuple(points)
+        pairs = itertools.combinations(self.lines, 2)
+        met = shapely.get_parts([a.line.intersection(b.line) for a, b in pairs])
+        return tuple(p for p in met if p.geom_type == "Point")
 
     @cached_property
     def heads(self) -> tuple[shapely.Point, ...]:
