@@ -60,7 +60,8 @@ def test_the_robots_see_what_the_example_says(seed: int) -> None:
         for pair in (("R1", "R2"), ("R2", "R3"), ("R1", "R3"))
     }
     assert common == {("R1", "R2"): ["shed"], ("R2", "R3"): ["water_tower"], ("R1", "R3"): []}
-    any_of, visible = ({n: seen_by(truth, p)[k] for n, p in robots.items()} for k in (0, 1))
+    seen = {name: seen_by(truth, pose) for name, pose in robots.items()}
+    any_of, visible = ({name: sets[k] for name, sets in seen.items()} for k in (0, 1))
     assert any_of["R1"].isdisjoint(any_of["R3"])  # not one pixel of one thing
     walls = {o.name for o in scene.objects if o.kind == "wall"}
     assert (any_of["R1"] & any_of["R2"]) <= walls | {"shed"}

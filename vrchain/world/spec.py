@@ -112,9 +112,7 @@ class SceneSpec:
     """Everything that, with its seed, determines a scene."""
 
     name: str = "suburb"  # shown in tables and titles
-    layout: str = _choice(
-        "suburb", "barn"
-    )  # barn: the paper's example, see world/suburb/barnyard.py
+    layout: str = _choice("suburb", "barn")  # barn: the paper's, see suburb/barnyard.py
     seed: int = _within(2000, 0, 2**63 - 1)  # of every random choice
     extent_m: tuple[float, float] = _within((130.0, 180.0), 60.0, 600.0)  # x by y, origin centred
     streets: StreetSpec = StreetSpec()
