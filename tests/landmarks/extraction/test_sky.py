@@ -3,8 +3,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from vrchain.landmarks.extraction.sky import sky_mask
-from vrchain.landmarks.matching.photos import claims_of, described, photo_landmarks
+from vrchain.landmarks.matching.photos import claims_of, described, photo_landmarks, sky_mask
 from vrchain.seeding import generator
 
 Image = NDArray[np.uint8]

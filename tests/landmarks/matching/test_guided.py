@@ -10,14 +10,12 @@ from vrchain.landmarks.matching.guided import matched_under, mutual
 B = Pose(6.0, 2.0, 1.1)
 VIEWS = two_views(B, 60)
 TRUE = PlanarGeometry(VIEWS.direction_rad, 1.1, np.ones(0, dtype=bool), 0.0)
-A_DIRECTIONS = np.column_stack([VIEWS.bearing_a, VIEWS.slope_a])
-B_DIRECTIONS = np.column_stack([VIEWS.bearing_b, VIEWS.slope_b])
 ALL = np.arange(60)
 
 
 def matched(geometry: PlanarGeometry, inside: list, looks: np.ndarray, least: float = 0.0) -> list:
     return matched_under(
-        geometry, A_DIRECTIONS, B_DIRECTIONS, inside,
+        geometry, *VIEWS.matches, inside,
         lambda ia, ib: looks[np.ix_(ia, ib)], least, 0.002,
     )  # fmt: skip
 

@@ -13,6 +13,7 @@ from vrchain.experiments.landmarks.pairs import draw_pairs
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.raster import CELL_PX, cell_bearings_rad, columns_of
 from vrchain.landmarks.extraction.record import LandmarkRecord, encode_record, examine
+from vrchain.landmarks.matching import joint
 from vrchain.landmarks.matching.joint import JointConfig, compare_joint, distinct
 from vrchain.landmarks.quality import judge
 from vrchain.landmarks.retrieval import gallery
@@ -20,7 +21,6 @@ from vrchain.landmarks.retrieval.gallery import (
     Seen,
     gallery_of,
     named,
-    partners,
     record_from,
     who_sees,
 )
@@ -97,7 +97,7 @@ def test_panoramas_that_were_hardly_joined_rightly_have_nothing_in_common() -> N
     assert sure.chance is not None and 0.3 <= sure.chance < 1
 
 
-def test_no_landmark_is_claimed_in_pieces() -> None:
+def test_no_landmark_is_claimed_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     a, b = records()
     pairs = np.stack([np.arange(4)] * 2, axis=1)
     score = np.array([0.6, 0.9, 0.8, 0.7])
@@ -105,8 +105,8 @@ def test_no_landmark_is_claimed_in_pieces() -> None:
         a, proposals=replace(a.proposals.take([0, 0, 0, 1]), box=a.proposals.box[[0, 0, 0, 1]])
     )
     apart = replace(b, proposals=b.proposals.take(np.arange(4)))
-    kept = distinct(whole, apart, pairs, score, JointConfig(same_box=0.999))
-    assert kept == [1, 3]
+    monkeypatch.setattr(joint, "_SAME_BOX", 0.999)
+    assert distinct(whole, apart, pairs, score) == [1, 3]
 
 
 def test_a_view_that_is_missing_holds_no_landmark() -> None:
@@ -163,14 +163,6 @@ def test_a_published_record_is_used_again_if_it_fits() -> None:
     for unfit in (None, b"damaged", elsewhere, encode_record(narrow), encode_record(few)):
         again = record_from(panorama, unfit)
         assert again.maker == own.maker and len(again.proposals) > 2
-
-
-def test_who_shares_a_landmark_with_me() -> None:
-    a, b = records()
-    found = partners(a, gallery_of({"black": bare("black"), "b": b, "noise": bare("noise")}))
-    assert [key for key, _ in found] == ["b"]
-    assert partners(bare("black"), gallery_of({"b": b})) == []
-    assert partners(a, gallery_of({})) == []
 
 
 def test_others_are_named_once_one_is_believed() -> None:

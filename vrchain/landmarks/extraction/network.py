@@ -1,19 +1,17 @@
 """The network: one pass over a panorama's picture, an answer for every cell.
 
-EfficientNet-Lite0 up to stride 16 (see ``backbone``), then back up to cells of 4 pixels. All
-convolutions go round: what is cut by the picture's edge is whole to the network. In this form it
-learns; robots run it as ``exact`` has it. This module imports torch; import it only where a network
-is needed.
+EfficientNet-Lite0 up to stride 16 (see ``training.imagenet``), then back up to cells of 4 pixels.
+All convolutions go round: what is cut by the picture's edge is whole to the network. In this form
+it learns; robots run it as ``exact`` has it. This module imports torch; import it only where a
+network is needed.
 """
 
 import os
-from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from vrchain.landmarks.extraction.backbone import MEAN_RGB, SPREAD_RGB, Backbone
 from vrchain.landmarks.extraction.proposer import EMBEDDED, KINDS, LOCAL
 
 # channels of each answer: is it a landmark; how well its box fits; log of cells to the box's left,
@@ -31,6 +29,7 @@ _BLOCKS = (
     (6, 5, 1, 112), (6, 5, 1, 112), (6, 5, 1, 112),
 )  # fmt: skip
 STRIDE_4, STRIDE_8 = 2, 4  # the last block of each
+_MEAN_RGB, _SPREAD_RGB = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
 HIDDEN = 96  # channels of what spots are made of
 _WIDE, _FINE = 128, 64
 
@@ -154,8 +153,8 @@ class Network(nn.Module):
         with torch.no_grad():
             self.answers.conv.weight[-EMBEDDED:] = 0.0
         self.centre = nn.BatchNorm1d(EMBEDDED, affine=False)  # of embeddings, landmark by landmark
-        self.register_buffer("mean", torch.tensor(MEAN_RGB).view(3, 1, 1))
-        self.register_buffer("spread", torch.tensor(SPREAD_RGB).view(3, 1, 1))
+        self.register_buffer("mean", torch.tensor(_MEAN_RGB).view(3, 1, 1))
+        self.register_buffer("spread", torch.tensor(_SPREAD_RGB).view(3, 1, 1))
         # rows are slopes: how far away the ground is at each, the cameras' height being known
         self.level = nn.Parameter(torch.zeros(1, _WIDE, 17, 1))
         self.spots = Spots()
@@ -187,18 +186,6 @@ class Network(nn.Module):
         answers["embedding"] = embedding
         answers["local"] = self.spots(stride_16, stride_8, torch.cat([stride_4, fine], 1)).float()
         return answers
-
-    def take_over(self, backbone: Backbone) -> None:
-        """Begin from a backbone that has learned something else."""
-        own: list[tuple[Any, Any]] = [(self.stem, backbone.stem)]
-        for block, learned in zip(self.blocks, backbone.blocks, strict=True):
-            own += [(getattr(block, k), getattr(learned, k)) for k in ("filter", "project")]
-            if learned.expand is not None:
-                own.append((block.expand, learned.expand))
-        with torch.no_grad():
-            for mine, other in own:
-                mine.conv.weight.copy_(other.weight)
-                mine.conv.bias.copy_(other.bias)
 
 
 def _look(channels: int) -> nn.Module:

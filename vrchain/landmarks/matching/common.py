@@ -117,13 +117,7 @@ def compare(
     config = config or MatchConfig()
     index_a, index_b = mutual_matches(a.descriptors, b.descriptors, config.ratio)
     matched_a, matched_b = a.take(index_a), b.take(index_b)
-    geometry = estimate(
-        matched_a.bearing_rad,
-        matched_a.slope,
-        matched_b.bearing_rad,
-        matched_b.slope,
-        config.min_inliers,
-    )
+    geometry = estimate(matched_a.directions, matched_b.directions, config.min_inliers)
     if geometry is None:
         return Comparison((), None)
     inlier = np.flatnonzero(geometry.inliers)

@@ -24,7 +24,7 @@ from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import load_calibration
 from vrchain.landmarks.matching.common import Comparison, MatchConfig, check_comparable, compare
-from vrchain.landmarks.matching.joint import JointConfig, compare_joint
+from vrchain.landmarks.matching.joint import JOINT, JointConfig, compare_joint
 from vrchain.panorama import CameraRig, Panorama
 
 DEFAULT = "cnn+sift"
@@ -141,19 +141,6 @@ def _plugged_in(name: str) -> Variant:
     file = getattr(source, "__file__", None)
     made_of = hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
     return replace(found, maker=f"{found.maker} {made_of}")
-
-
-JOINT = {
-    config.name: config
-    for config in (
-        JointConfig(sift=False, spots=False),
-        JointConfig(),
-        JointConfig(sift=False),
-        JointConfig(spots=False),
-        JointConfig(embedding=False),
-        JointConfig(geometry=False),
-    )
-}
 
 
 @lru_cache(maxsize=2)

@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -31,8 +32,6 @@ from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.extraction.spots import ONE
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
-from vrchain.landmarks.matching.common import Comparison
-from vrchain.landmarks.matching.joint import JointConfig, compare_joint
 from vrchain.landmarks.retrieval.lookup import Query, depth, worth_of
 from vrchain.landmarks.retrieval.recognition import (
     LOWEST_SLOPE,
@@ -132,21 +131,8 @@ def is_extracted(landmarks: bytes, panorama: bytes, weights: Path = SHIPPED) -> 
     return False
 
 
-def partners(
-    own: LandmarkRecord,
-    gallery: Gallery[Key],
-    config: JointConfig | None = None,
-    calibration: Calibration | None = None,
-) -> list[tuple[Key, Comparison]]:
-    """Who shares a landmark with me: those with claims, the most claims first."""
-    calibration = calibration or load_calibration()
-    likely = np.argsort(-gallery.alike(own.proposals.embedding, calibration), kind="stable")
-    found = [
-        (gallery.keys[k], compare_joint(own, gallery.records[k], config, calibration))
-        for k in likely[:_SHORT]
-    ]
-    found = [pair for pair in found if pair[1].common]
-    return sorted(found, key=lambda pair: -sum(c.score for c in pair[1].common))
+Sightings = tuple[Sighting | None, Sighting | None]
+"""By keypoints, and by spots."""
 
 
 @dataclass(frozen=True)
@@ -202,14 +188,14 @@ def _likeliest(
     what: Query,
     gallery: Gallery[Key],
     calibration: Calibration,
-    sighted: Callable[[int, int], tuple[Sighting | None, Sighting | None]],
+    sighted: Callable[[int, int], Sightings],
     most: int,
 ) -> list[Seen[Key]]:
     """So many panoramas that may show it, looked at more closely."""
     looks = what.looks(gallery.embedding, calibration)
     begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records) + 1))
-    likely: list[tuple[float, int, int, float]] = []
     best = np.array([looks[a:b].max(initial=-np.inf) for a, b in pairwise(begins)])
+    likely: list[tuple[float, int, Seen[Key]]] = []
     for n in map(int, np.argsort(-best, kind="stable")[: _BY_LOOKS * most]):
         record, own = gallery.records[n], looks[begins[n] : begins[n + 1]]
         if len(own) == 0:
@@ -219,15 +205,14 @@ def _likeliest(
         alike = what.alike(record.proposals, record.spots.take(chosen[record.spots.owner]))
         worth = np.where(chosen, worth_of(own, alike), -np.inf)
         k = int(worth.argmax())
-        likely.append((float(worth[k]), n, k, float(alike[k])))
+        range_m = float(record.proposals.range_m[k])
+        seen = Seen(gallery.keys[n], k, range_m, float(own[k]), float(alike[k]))
+        likely.append((float(worth[k]), n, seen))
     likely.sort(key=lambda found: (-found[0], found[1]))
     found = []
-    for _, n, k, alike_k in likely[:most]:
-        range_m = float(gallery.records[n].proposals.range_m[k])
-        looks_k = float(looks[begins[n] + k])
-        seen = Seen(gallery.keys[n], k, range_m, looks_k, alike_k)
+    for _, n, seen in likely[:most]:
         if seen.belief > _HOPELESS:
-            sighting, spotted = sighted(n, k)
+            sighting, spotted = sighted(n, seen.proposal)
             seen = replace(seen, sighting=sighting, spotted=spotted)
         found.append(seen)
     return sorted(found, key=lambda s: -s.belief)
@@ -240,39 +225,31 @@ def named(found: Sequence[Seen[Key]]) -> list[Key]:
     return [seen.key for seen in found if seen.belief > _LIKELY]
 
 
-def _sighter(
-    what: Query, gallery: Gallery[Key]
-) -> Callable[[int, int], tuple[Sighting | None, Sighting | None]]:
+def _sighter(what: Query, gallery: Gallery[Key]) -> Callable[[int, int], Sightings]:
     """Where keypoints, and spots, are found around a record's proposal.
 
     Those of the picture that looks most like it; what was asked before is remembered.
     """
     pictured = what.embedding[: len(what.pictures)]
+    upright = LOWEST_SLOPE, np.inf
     templates = [
-        [
-            template_around(of(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf))
-            for p in what.pictures
-        ]
+        [template_around(of(p), 0.0, p.rig.span_rad / 2, upright) for p in what.pictures]
         for of, _ in _WAYS
     ]
 
     @cache
-    def sighted(n: int, proposal: int) -> tuple[Sighting | None, Sighting | None]:
+    def sighted(n: int, proposal: int) -> Sightings:
         record = gallery.records[n]
         right, left = record.proposals.box[proposal, :2]
         middle_rad, window_rad = float(right + left) / 2, float(left - right) + 0.1
         most_alike = int((pictured @ record.proposals.embedding[proposal]).argmax())
         keypoints, spots = (
-            locate(own[most_alike], features_of(record), middle_rad, window_rad, ratio=ratio)
-            for (features_of, ratio), own in zip(_WAYS, templates, strict=True)
+            locate(own[most_alike], of(record), middle_rad, window_rad, ratio=ratio)
+            for (of, ratio), own in zip(_WAYS, templates, strict=True)
         )
         return keypoints, spots
 
     return sighted
-
-
-def _keypoints(record: LandmarkRecord) -> Features:
-    return record.features
 
 
 def _spots(record: LandmarkRecord) -> Features:
@@ -282,4 +259,8 @@ def _spots(record: LandmarkRecord) -> Features:
     return Features(s.bearing_rad, s.slope, np.zeros(len(s)), descriptors.astype(np.uint8))
 
 
-_WAYS = ((_keypoints, RATIO), (_spots, 1.0))  # what is matched, and the ratio test
+# What is matched, and the ratio test.
+_WAYS: tuple[tuple[Callable[[LandmarkRecord], Features], float], ...] = (
+    (attrgetter("features"), RATIO),
+    (_spots, 1.0),
+)

@@ -17,8 +17,8 @@ from vrchain.landmarks.extraction.record import LandmarkRecord, examine
 from vrchain.landmarks.matching.calibration import Calibration, fit
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.joint import (
+    JOINT,
     Candidates,
-    JointConfig,
     candidates,
     claims_of,
     distinct,
@@ -33,10 +33,6 @@ from vrchain.world.truth import GroundTruth
 
 Array = NDArray[np.float64]
 
-WEIGHED = (
-    JointConfig(sift=False, spots=False), JointConfig(), JointConfig(sift=False),
-    JointConfig(spots=False), JointConfig(embedding=False), JointConfig(geometry=False),
-)  # fmt: skip
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000
 
@@ -75,7 +71,7 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
     rough = Calibration(scale, even, {})
     elsewhere = list(zip(strangers[:-2], strangers[2:], strict=True))
     claims = {}
-    for joint in WEIGHED:
+    for joint in JOINT.values():
         weighed = []
         for truth, a, b in tqdm(pairs, desc=joint.name, unit="", disable=None):
             joined = candidates(a.record, b.record, joint, rough)
@@ -88,7 +84,7 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
                 weighed.append(_Weighed(one.record, other.record, joined, None))
         first = fit(np.concatenate([w.found.features for w in weighed]),
                     np.concatenate([w.right for w in weighed]))  # fmt: skip
-        kept = [w.distinct(first.probability(w.found.features), joint) for w in weighed]
+        kept = [w.distinct(first.probability(w.found.features)) for w in weighed]
         claims[joint.name] = fit(
             np.concatenate([w.found.features[k] for w, k in zip(weighed, kept, strict=True)]),
             np.concatenate([w.right[k] for w, k in zip(weighed, kept, strict=True)]),
@@ -111,9 +107,9 @@ class _Weighed:
             return np.zeros(len(self.found.pairs), dtype=bool)
         return np.array([v.right for v in self.verdicts])
 
-    def distinct(self, score: Array, joint: JointConfig) -> NDArray[np.int64]:
+    def distinct(self, score: Array) -> NDArray[np.int64]:
         """Those that are claimed, no two of the same objects."""
-        kept = distinct(self.a, self.b, self.found.pairs, score, joint)
+        kept = distinct(self.a, self.b, self.found.pairs, score)
         if self.verdicts is not None:
             first: dict[tuple[str, str], int] = {}
             for k in kept:

@@ -23,7 +23,6 @@ from torch import Tensor
 from tqdm.auto import tqdm
 
 from vrchain.files import name_of, write_file
-from vrchain.landmarks.extraction.backbone import load_backbone
 from vrchain.landmarks.extraction.network import Network, learning_precision
 from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, EMBEDDED
 from vrchain.landmarks.training.examples import (
@@ -32,6 +31,7 @@ from vrchain.landmarks.training.examples import (
     make_examples,
     read_examples,
 )
+from vrchain.landmarks.training.imagenet import take_over
 from vrchain.landmarks.training.losses import Target, landmark_embeddings, losses, target_of
 from vrchain.landmarks.training.spots import Spots, spot_loss, spots_of, spots_right
 from vrchain.seeding import generator
@@ -126,7 +126,7 @@ def config_name(config: TrainConfig) -> str:
 def _begin(config: TrainConfig) -> tuple[Network, torch.optim.AdamW]:
     torch.manual_seed(config.seed)
     network = Network()
-    network.take_over(load_backbone("middle"))
+    take_over(network)
     network = network.to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
     taken_over = {id(p) for part in (network.stem, network.blocks) for p in part.parameters()}
     old = [p for p in network.parameters() if id(p) in taken_over]
