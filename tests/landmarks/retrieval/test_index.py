@@ -65,8 +65,7 @@ def test_each_panorama_is_looked_at_once_and_each_pair_compared_once() -> None:
 
 
 def test_what_is_no_panorama_is_an_error_each_time() -> None:
-    store = Store()
-    index = LandmarkIndex(lambda digest: b"junk", RECORDS.get, store.look, by_sift)
+    index = LandmarkIndex(lambda digest: b"junk", RECORDS.get, Store().look, by_sift)
     for _ in range(2):
         with pytest.raises(ImageError):
             index.look(b"a")

@@ -142,10 +142,7 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     n = len(chosen)
     weight = landmark[row, column].astype(float)
     total = np.maximum(np.bincount(owner, weight, n), 1e-9)
-
-    def mean_of(channels: NDArray[np.float32]) -> Array:
-        return np.stack([np.bincount(owner, weight * c, n) / total for c in channels], axis=1)
-
+    kinds = [np.bincount(owner, weight * c, n) / total for c in answers["kind"][:, row, column]]
     offset, log_range, *unsure = answers["middle"][:, row, column].astype(float)
     # angles are averaged as turns from the box's middle, which may lie across the seam
     half_turn_cells = columns * np.pi / rig.span_rad
@@ -158,25 +155,23 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     )
     log_range, range_std = _agreed(log_range, unsure[1], owner, n)
     middle = rig.span_rad / 2 - ((left + right) / 2 + 0.5) * step_rad
-    slopes = cell_slopes()
     score = np.zeros(n)
     np.maximum.at(score, owner, sure)
+    slopes = cell_slopes()
+    edges = [
+        rig.span_rad / 2 - (right + 0.5) * step_rad,
+        rig.span_rad / 2 - (left + 0.5) * step_rad,
+        np.interp(bottom, np.arange(len(slopes)), slopes),
+        np.interp(top, np.arange(len(slopes)), slopes),
+    ]
     found = Proposals(
         score,
-        np.stack(
-            [
-                rig.span_rad / 2 - (right + 0.5) * step_rad,
-                rig.span_rad / 2 - (left + 0.5) * step_rad,
-                np.interp(bottom, np.arange(len(slopes)), slopes),
-                np.interp(top, np.arange(len(slopes)), slopes),
-            ],
-            axis=1,
-        ),
+        np.stack(edges, axis=1),
         wrap_angle_rad(middle + bearing),
         RANGE_UNIT_M * np.exp(log_range),
         np.maximum(bearing_std * BEARING_UNIT_RAD, _LEAST_UNSURE_RAD),
         range_std,
-        mean_of(answers["kind"][:, row, column]).argmax(axis=1),
+        np.argmax(kinds, axis=0),
         (looks / length).astype(np.float32),
         row * columns + column,
         owner,
@@ -185,12 +180,12 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     return found.take(large[np.argsort(-score[large], kind="stable")][:_MOST])
 
 
-def nothing(dimensions: int = EMBEDDED) -> Proposals:
+def nothing() -> Proposals:
     """No proposals."""
     none, whole = np.empty(0), np.empty(0, dtype=np.int64)
     return Proposals(
         none, np.empty((0, 4)), none, none, none, none, whole,
-        np.empty((0, dimensions), dtype=np.float32), whole, whole,
+        np.empty((0, EMBEDDED), dtype=np.float32), whole, whole,
     )  # fmt: skip
 
 

@@ -4,7 +4,7 @@ Logistic regression on what speaks for a claim. The coefficients are shipped bes
 """
 
 import json
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -102,11 +102,10 @@ def chance_joined(scores: ArrayLike, n_proposals: int, geometry: PlanarGeometry 
 def to_json(calibration: Calibration) -> dict[str, Any]:
     """The calibration as numbers and lists."""
     claims = {
-        name: {"mean": c.mean.tolist(), "spread": c.spread.tolist(),
-               "weight": c.weight.tolist(), "bias": c.bias}
-        for name, c in calibration.claims.items()
-    }  # fmt: skip
-    return {**asdict(replace(calibration, claims={})), "claims": claims}
+        name: {key: np.asarray(value).tolist() for key, value in vars(logistic).items()}
+        for name, logistic in calibration.claims.items()
+    }
+    return {**vars(calibration), "claims": claims}
 
 
 @lru_cache(maxsize=4)

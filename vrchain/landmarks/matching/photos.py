@@ -208,7 +208,9 @@ def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> 
     if isinstance(left, Panorama) and isinstance(right, Panorama):
         found = compared(chosen or variant_named(variant), left, right)
         return FileComparison(found, left.cylinder, right.cylinder, left.rig)
-    views_a, views_b = _views(left), _views(right)
+    views_a, views_b = (
+        list(image.views) if isinstance(image, Panorama) else [image] for image in (left, right)
+    )
     described_a, described_b = ([described(v) for v in views] for views in (views_a, views_b))
     claimed = {
         (i, j): claims_of(one, other)  # a single view may well be blank
@@ -218,10 +220,6 @@ def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> 
     i, j = max(claimed, key=lambda pair: sum(len(c.support_a) for c in claimed[pair]))
     claims = [replace(c, a=replace(c.a, view=i), b=replace(c.b, view=j)) for c in claimed[i, j]]
     return FileComparison(Comparison(tuple(claims), None), views_a[i], views_b[j], None)
-
-
-def _views(image: Panorama | NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    return list(image.views) if isinstance(image, Panorama) else [image]
 
 
 def _load(path: str | Path) -> Panorama | NDArray[np.uint8]:
@@ -247,6 +245,6 @@ def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:
 def _region(found: Described, index: Index) -> Region:
     xy, reach = found.keypoints.xy_px[index], found.keypoints.size_px[index, None] / 2
     height, width = found.size_px
-    low = np.clip((xy - reach).min(axis=0) / found.scale, 0, (width, height))
-    high = np.clip((xy + reach).max(axis=0) / found.scale, 0, (width, height))
-    return Region(0, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), None, None)
+    corners = np.stack([(xy - reach).min(axis=0), (xy + reach).max(axis=0)]) / found.scale
+    x0, y0, x1, y1 = map(float, np.clip(corners, 0, (width, height)).ravel())
+    return Region(0, (x0, y0, x1, y1), None, None)
