@@ -85,7 +85,7 @@ class Perception:
         one, other = a.proposals.embedding, b.proposals.embedding
         if len(one) == 0 or len(other) == 0:
             return 0.0
-        looks = self.calibration.looks(one @ other.T)
+        looks = self.calibration.appearance(one @ other.T)
         rows, best = np.arange(len(one)), looks.argmax(axis=1)
         mutual = looks.argmax(axis=0)[best] == rows
         speaks = np.logaddexp(0.0, looks[rows, best][mutual]).sum()

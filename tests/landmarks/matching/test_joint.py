@@ -168,7 +168,7 @@ def test_a_published_record_is_used_again_if_it_fits() -> None:
 def test_others_are_named_once_one_is_believed() -> None:
     def seen(key: str, belief: float) -> Seen[str]:
         found = Seen(key, 0, 15.0, 0.0, 0.0, None, None)
-        return replace(found, looks=(belief - found.belief) / 1.66)
+        return replace(found, appearance=(belief - found.belief) / 1.66)
 
     a, b, c = seen("a", 0.1), seen("b", -2.4), seen("c", -2.6)
     assert named([a, b, c]) == ["a", "b"]

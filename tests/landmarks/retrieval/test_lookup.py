@@ -71,7 +71,7 @@ def test_what_is_sought_looks_more_like_itself_than_all_else_does() -> None:
         p = here.proposals
         bearing_rad = HERE.bearing_to_rad(CENTRES_M[thing])
         own = int(np.abs(wrap_angle_rad(p.bearing_rad - bearing_rad)).argmin())
-        looks, alike = what.looks(p.embedding, CALIBRATION), what.alike(p, here.spots)
+        looks, alike = what.appearance(p.embedding, CALIBRATION), what.alike(p, here.spots)
         assert looks.argmax() == own == alike.argmax()
         assert looks[own] > 0 and 0.8 < alike[own] <= 1.01
         assert np.delete(alike, own).max() < 0.8 * alike[own]
@@ -92,7 +92,7 @@ def test_where_there_is_nothing_nothing_is_sought_or_found() -> None:
     assert subject(bare) is None
     what, other = sought([bare]), record(towards(0, 6.0))
     assert what.pictures == () and sought([]).pictures == ()
-    assert (what.looks(other.proposals.embedding, CALIBRATION) == -np.inf).all()
+    assert (what.appearance(other.proposals.embedding, CALIBRATION) == -np.inf).all()
     assert (what.alike(other.proposals, other.spots) == 0).all()
     assert len(sought([other]).alike(bare.proposals, bare.spots)) == 0
 
@@ -108,7 +108,7 @@ def test_what_is_seen_from_other_sides_too_looks_no_less_like_itself() -> None:
         assert wider.pictures == what.pictures
         assert len(wider.spots) == len(what.spots) + int((here.spots.owner == own).sum())
         for one, other in (
-            (what.looks(p.embedding, CALIBRATION), wider.looks(p.embedding, CALIBRATION)),
+            (what.appearance(p.embedding, CALIBRATION), wider.appearance(p.embedding, CALIBRATION)),
             (what.alike(p, here.spots), wider.alike(p, here.spots)),
         ):
             assert (other >= one - 1e-5).all()

@@ -128,14 +128,14 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     chosen = _agreed_boxes(boxes, sure, drafts, period)
     if len(chosen) == 0:
         return nothing()
-    looks = np.zeros((len(chosen), len(answers["embedding"])))
+    appearance = np.zeros((len(chosen), len(answers["embedding"])))
     parts = list(_in_parts(boxes, chosen, period))
     alike, owner = _most_like(parts, len(boxes))
     for part, near, overlap in parts:
         # a landmark's other pieces say what it looks like too, so all that overlap are heard
         weight = overlap.astype(float) ** 2 * landmark[row[part], column[part]][:, None]
-        looks[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
-    length = np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
+        appearance[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
+    length = np.maximum(np.linalg.norm(appearance, axis=1, keepdims=True), 1e-9)
     own = alike >= _OWN_BOX
     sure = sure[own]
     row, column, owner = row[own], column[own], owner[own]
@@ -172,7 +172,7 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
         np.maximum(bearing_std * BEARING_UNIT_RAD, _LEAST_UNSURE_RAD),
         range_std,
         np.argmax(kinds, axis=0),
-        (looks / length).astype(np.float32),
+        (appearance / length).astype(np.float32),
         row * columns + column,
         owner,
     )

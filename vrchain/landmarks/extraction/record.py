@@ -133,9 +133,9 @@ def _settled_features(f: Features) -> Features:
     return Features(bearing_rad, slope, size_rad, f.descriptors)
 
 
-def _unit(looks: NDArray[np.integer]) -> NDArray[np.float32]:
+def _unit(whole: NDArray[np.integer]) -> NDArray[np.float32]:
     """Embeddings of length one."""
-    wide = looks.astype(float)
+    wide = whole.astype(float)
     length = np.maximum(np.linalg.norm(wide, axis=1, keepdims=True), 1e-9)
     return np.asarray(np.round(wide / length * _UNIT) / _UNIT, dtype=np.float32)
 

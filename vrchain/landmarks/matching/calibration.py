@@ -47,15 +47,15 @@ class Calibration:
     """What cosines and claims of a network are worth.
 
     alike_scale: log-odds of being the same landmark a unit of cosine; alike_even: the cosine at
-    which looks alone say neither yes nor no; claims: by variant, how likely a claim is right.
+    which appearance alone says neither yes nor no; claims: by variant, how likely a claim is right.
     """
 
     alike_scale: float
     alike_even: float
     claims: dict[str, Logistic]
 
-    def looks(self, cosine: NDArray[np.floating]) -> Array:
-        """Log-likelihood ratio of being the same landmark, by looks alone, of cosines."""
+    def appearance(self, cosine: NDArray[np.floating]) -> Array:
+        """Log-likelihood ratio of being the same landmark, by appearance alone, of cosines."""
         return np.asarray(self.alike_scale * (cosine.astype(float) - self.alike_even))
 
 

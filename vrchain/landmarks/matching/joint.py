@@ -141,7 +141,7 @@ def candidates(
     """What may be claimed of two panoramas, before it is scored; None: nothing."""
     appearance = np.zeros((len(a.proposals), len(b.proposals)))
     if config.embedding:
-        appearance = calibration.looks(a.proposals.embedding @ b.proposals.embedding.T)
+        appearance = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
     anywhere = np.zeros(appearance.shape)
     joined: Constellation | None = by_appearance(appearance)
     geometry = exact = None

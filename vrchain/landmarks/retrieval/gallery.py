@@ -45,16 +45,16 @@ from vrchain.panorama import Panorama
 Array = NDArray[np.float64]
 Key = TypeVar("Key")
 
-# Log-odds that a panorama shows it: 1, looks, ten times how alike its spots are, log of its range
-# over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas of
-# seeds 1001 and 1002, the likeliest of each goal; three units stricter: nobody is an answer too.
+# Log-odds that a panorama shows it: of 1, appearance, ten times how alike its spots are, log of its
+# range over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas
+# of seeds 1001 and 1002, the likeliest of each; three units stricter: nobody is an answer too.
 _BELIEF = np.array([-36.0, 1.66, 2.74, 0.56, 1.03, 1.9])
-_HOPELESS = -10.0  # belief by looks alone: what agrees beyond would not do either
+_HOPELESS = -10.0  # belief by appearance alone: what agrees beyond would not do either
 # Where one is believed, 0.95 of those so likely show it: 14 goals, 400 panoramas of seed 1300.
 _LIKELY = -2.5
 _AMONG = 10  # proposals of a panorama, the most alike, whose spots are compared
 _SHORT, _LONG = 40, 120  # panoramas looked at more closely; where some are known to show it
-_BY_LOOKS = 2  # times as many are chosen by looks alone before
+_BY_APPEARANCE = 2  # times as many are chosen by appearance alone before
 _MORE_SIDES = 16  # of those that are known to show it, from which it is sought anew
 _WIDTHS = EMBEDDED, LOCAL
 
@@ -70,20 +70,6 @@ class Gallery(Generic[Key]):
     records: tuple[LandmarkRecord, ...]
     embedding: NDArray[np.float32]
     owner: NDArray[np.int64]
-
-    def alike(self, embedding: NDArray[np.float32], calibration: Calibration) -> Array:
-        """How much looks speak for sharing what has these embeddings, (k, d): (records,).
-
-        The log-likelihood ratio, each of the k heard once.
-        """
-        found = np.zeros(len(self.records))
-        if len(self.owner) == 0 or len(embedding) == 0:
-            return found
-        looks = calibration.looks(embedding @ self.embedding.T)
-        begins = np.flatnonzero(np.r_[True, np.diff(self.owner) > 0])
-        best = np.maximum.reduceat(looks, begins, axis=1)
-        found[self.owner[begins]] = np.logaddexp(0.0, best).sum(axis=0)
-        return found
 
 
 def gallery_of(records: Mapping[Key, LandmarkRecord]) -> Gallery[Key]:
@@ -139,15 +125,15 @@ Sightings = tuple[Sighting | None, Sighting | None]
 class Seen(Generic[Key]):
     """A panorama that may show what was sought.
 
-    looks, alike: how much its proposal looks like it as a whole, and by its spots; see ``Sought``.
-    sighting, spotted: where its keypoints, and its spots, agree that it is. belief: how
+    appearance, alike: how much its proposal looks like it, as a whole and by its spots; see
+    ``Query``. sighting, spotted: where its keypoints, and its spots, agree that it is. belief: how
     surely it does show it, by all of them, in log-odds: see ``named``.
     """
 
     key: Key
     proposal: int
     range_m: float
-    looks: float
+    appearance: float
     alike: float
     sighting: Sighting | None = None
     spotted: Sighting | None = None
@@ -156,7 +142,7 @@ class Seen(Generic[Key]):
     def features(self) -> Array:
         """What speaks for it, (6,)."""
         counts = [s.n_matches if s else 0 for s in (self.sighting, self.spotted)]
-        signs = [1.0, self.looks, 10 * self.alike, depth(self.range_m), *np.log1p(counts)]
+        signs = [1.0, self.appearance, 10 * self.alike, depth(self.range_m), *np.log1p(counts)]
         return np.array(signs)
 
     @property
@@ -192,12 +178,12 @@ def _likeliest(
     most: int,
 ) -> list[Seen[Key]]:
     """So many panoramas that may show it, looked at more closely."""
-    looks = what.looks(gallery.embedding, calibration)
+    appearance = what.appearance(gallery.embedding, calibration)
     begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records) + 1))
-    best = np.array([looks[a:b].max(initial=-np.inf) for a, b in pairwise(begins)])
+    best = np.array([appearance[a:b].max(initial=-np.inf) for a, b in pairwise(begins)])
     likely: list[tuple[float, int, Seen[Key]]] = []
-    for n in map(int, np.argsort(-best, kind="stable")[: _BY_LOOKS * most]):
-        record, own = gallery.records[n], looks[begins[n] : begins[n + 1]]
+    for n in map(int, np.argsort(-best, kind="stable")[: _BY_APPEARANCE * most]):
+        record, own = gallery.records[n], appearance[begins[n] : begins[n + 1]]
         if len(own) == 0:
             continue
         chosen = np.zeros(len(own), dtype=bool)
