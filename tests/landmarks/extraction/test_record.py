@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from vrchain.errors import ImageError, VRChainError
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import from_answers, nothing
+from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import (
     LandmarkRecord,
     agree,
@@ -20,7 +20,6 @@ from vrchain.landmarks.extraction.record import (
     owners,
 )
 from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.extraction.spots import descriptors_of, spots_of
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 
@@ -37,11 +36,7 @@ def keypoints(n: int = N) -> Features:
 
 
 def record(n: int = N) -> LandmarkRecord:
-    pose, looks = Pose(0, 0, 0), answers.looks(len(CENTRES_M))
-    said = answers.perfect(answers.posts(pose, CENTRES_M), pose, CENTRES_M, looks)
-    found = from_answers(said, answers.RIG)
-    spots = spots_of(found, answers.RIG, descriptors_of(found, said["local"]))
-    return LandmarkRecord(answers.RIG, "ab" * 32, found, keypoints(n), spots)
+    return answers.record(Pose(0, 0, 0), CENTRES_M, keypoints(n))
 
 
 def test_a_record_comes_back_in_its_steps() -> None:

@@ -7,15 +7,13 @@ import numpy as np
 import pytest
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import Proposals, from_answers, nothing
+from vrchain.landmarks.extraction.proposer import Proposals, nothing
 from vrchain.landmarks.extraction.spots import (
     EACH,
     NO_SPOTS,
     ONE,
     Spots,
     described,
-    descriptors_of,
-    spots_of,
 )
 from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.matching.guided import spots_anywhere, spots_within
@@ -29,10 +27,8 @@ TRUE = PlanarGeometry(DIRECTION_RAD, HEADING_RAD, np.ones(0, dtype=bool), 0.0)
 
 @cache
 def seen(pose: Pose) -> tuple[Proposals, Spots]:
-    looks = answers.looks(len(CENTRES_M))
-    said = answers.perfect(answers.posts(pose, CENTRES_M), pose, CENTRES_M, looks)
-    proposals = from_answers(said, answers.RIG)
-    return proposals, spots_of(proposals, answers.RIG, descriptors_of(proposals, said["local"]))
+    found = answers.record(pose, CENTRES_M)
+    return found.proposals, found.spots
 
 
 def of_one_thing() -> np.ndarray:
