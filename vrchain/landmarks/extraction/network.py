@@ -116,7 +116,7 @@ class Spots(nn.Module):
             for seen, norm, widen in zip((coarse, middle, fine), self.norm, self.widen, strict=True)
         ]
         hidden, direct = (
-            parts[2] + _twice(parts[1] + _twice(parts[0], "bilinear"), "bilinear")
+            parts[2] + twice(parts[1] + twice(parts[0], "bilinear"), "bilinear")
         ).split([HIDDEN, LOCAL], dim=1)
         found: Tensor = self.project(F.relu(hidden)) + direct
         return found
@@ -173,13 +173,13 @@ class Network(nn.Module):
         stride_16 = x
         looks = [look(seen) for look, seen in zip(self.looks, (stride_4, stride_8, x), strict=True)]
         x = self.coarse(x) + self.level
-        around = _twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
+        around = twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
         wide = self.context(x + around[..., : x.shape[-2], : x.shape[-1]])
-        wide = self.middle(_twice(wide) + self.middle_in(stride_8))
-        fine = F.relu(_twice(self.down(wide)) + self.fine_in(stride_4))
+        wide = self.middle(twice(wide) + self.middle_in(stride_8))
+        fine = F.relu(twice(self.down(wide)) + self.fine_in(stride_4))
         found = self.answers(F.relu(self.fine(fine))).float()
         answers = dict(zip(ANSWERS, found.split(list(ANSWERS.values()), dim=1), strict=True))
-        embedding = answers["embedding"] + looks[0] + _twice(looks[1] + _twice(looks[2]))
+        embedding = answers["embedding"] + looks[0] + twice(looks[1] + twice(looks[2]))
         if not self.training:  # while it learns, ``centre`` is applied to whole landmarks
             c = self.centre
             embedding = F.batch_norm(embedding, c.running_mean, c.running_var, eps=c.eps)
@@ -194,5 +194,6 @@ def _look(channels: int) -> nn.Module:
     return nn.Sequential(nn.BatchNorm2d(channels), mix)
 
 
-def _twice(x: Tensor, mode: str = "nearest") -> Tensor:
+def twice(x: Tensor, mode: str = "nearest") -> Tensor:
+    """As many rows and columns twice over."""
     return F.interpolate(x, scale_factor=2.0, mode=mode)
