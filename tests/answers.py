@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, RANGE_UNIT_M
+from vrchain.geometry import Pose, circular_mean_rad, wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, RANGE_UNIT_M, from_answers
 from vrchain.landmarks.extraction.raster import (
     CELL_PX,
     COLUMNS,
@@ -12,6 +12,9 @@ from vrchain.landmarks.extraction.raster import (
     cell_bearings_rad,
     cell_slopes,
 )
+from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.extraction.sift import NO_FEATURES, Features
+from vrchain.landmarks.extraction.spots import descriptors_of, spots_of
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 
@@ -47,23 +50,16 @@ def perfect(
     embedding: NDArray[np.float64],
 ) -> dict[str, NDArray[np.float32]]:
     """The answers for these cells."""
-    found = {
-        "landmark": np.full((1, *SHAPE), -8.0, dtype=np.float32),
-        "fit": np.zeros((1, *SHAPE), dtype=np.float32),
-        "box": np.zeros((4, *SHAPE), dtype=np.float32),
-        "middle": np.zeros((4, *SHAPE), dtype=np.float32),
-        "kind": np.zeros((KINDS, *SHAPE), dtype=np.float32),
-        "embedding": np.zeros((EMBEDDED, *SHAPE), dtype=np.float32),
-        "local": np.zeros((LOCAL, *SHAPE), dtype=np.float32),
-    }
+    channels = {"landmark": 1, "fit": 1, "box": 4, "middle": 4, "kind": KINDS,
+                "embedding": EMBEDDED, "local": LOCAL}  # fmt: skip
+    found = {name: np.zeros((n, *SHAPE), dtype=np.float32) for name, n in channels.items()}
+    found["landmark"] -= 8.0
     waves = generator(0, "waves").normal(size=(3, LOCAL // 2))
     bearings = cell_bearings_rad(RIG)
     for i in np.unique(cells[cells >= 0]):
         row, column = np.nonzero(cells == i)
         turn = 2 * np.pi / SHAPE[1]
-        angle = column * turn
-        around = wrap_angle_rad(angle - np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()))
-        around = around / turn
+        around = wrap_angle_rad(column * turn - circular_mean_rad(column * turn)) / turn
         away = np.asarray(centres_m)[i] - pose.xy_m
         offset = wrap_angle_rad(np.arctan2(away[1], away[0]) - pose.yaw_rad - bearings[column])
         at = (slice(None), row, column)
@@ -72,13 +68,9 @@ def perfect(
         found["box"][at] = np.log(np.stack(edges) + 0.5)
         # the middle cell's box fits best
         found["fit"][at] = 4.0 - 0.1 * np.hypot(around, row - row.mean())
-        found["middle"][at] = np.stack(
-            [
-                offset / BEARING_UNIT_RAD,
-                np.full(len(row), np.log(np.hypot(*away) / RANGE_UNIT_M)),
-                np.full(len(row), np.log(0.02)),
-                np.full(len(row), np.log(0.05)),
-            ]
+        known = np.log([np.hypot(*away) / RANGE_UNIT_M, 0.02, 0.05])
+        found["middle"][at] = np.vstack(
+            [offset / BEARING_UNIT_RAD, *np.tile(known, (len(row), 1)).T]
         )
         found["kind"][at] = np.eye(KINDS)[i % KINDS][:, None] * 5
         found["embedding"][at] = embedding[i][:, None]
@@ -88,3 +80,18 @@ def perfect(
         phase = spot @ waves
         found["local"][at] = np.concatenate([np.cos(phase), np.sin(phase)], axis=1).T
     return found
+
+
+def said(pose: Pose, centres_m: NDArray[np.float64]) -> dict[str, NDArray[np.float32]]:
+    """The answers for things at these places, no two alike."""
+    return perfect(posts(pose, centres_m), pose, centres_m, looks(len(centres_m)))
+
+
+def record(
+    pose: Pose, centres_m: NDArray[np.float64], features: Features = NO_FEATURES
+) -> LandmarkRecord:
+    """The record of a panorama that shows them."""
+    answered = said(pose, centres_m)
+    proposals = from_answers(answered, RIG)
+    spots = spots_of(proposals, RIG, descriptors_of(proposals, answered["local"]))
+    return LandmarkRecord(RIG, "ab" * 32, proposals, features, spots)

@@ -22,19 +22,17 @@ CAMERA_HEIGHT_M = 1.0
 
 @dataclass(frozen=True, eq=False)
 class TwoViews:
-    """Matched directions of points, (n,) each, as A (at the origin) and B see them."""
+    """Matched directions of points as A (at the origin) and B see them, (n, 2) each."""
 
     pose_b: Pose
     points_m: Array
     good: NDArray[np.bool_]  # not an outlier
-    bearing_a: Array
-    slope_a: Array
-    bearing_b: Array
-    slope_b: Array
+    a: Array
+    b: Array
 
     @property
-    def matches(self) -> tuple[Array, Array, Array, Array]:
-        return self.bearing_a, self.slope_a, self.bearing_b, self.slope_b
+    def matches(self) -> tuple[Array, Array]:
+        return self.a, self.b
 
     @property
     def direction_rad(self) -> float:
@@ -62,8 +60,8 @@ def two_views(
     good = draws.permutation(n) >= round(outliers * n)
     views[2] = np.where(good, views[2], draws.uniform(-np.pi, np.pi, n))
     views[3] = np.where(good, views[3], draws.uniform(-0.35, 0.35, n))
-    bearing_a, bearing_b = wrap_angle_rad(views[0]), wrap_angle_rad(views[2])
-    return TwoViews(pose_b, points, good, bearing_a, views[1], bearing_b, views[3])
+    a, b = (np.column_stack([wrap_angle_rad(views[k]), views[k + 1]]) for k in (0, 2))
+    return TwoViews(pose_b, points, good, a, b)
 
 
 def descriptors(n: int, *names: str | int) -> NDArray[np.uint8]:

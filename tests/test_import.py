@@ -16,6 +16,7 @@ IMPORTED_LATE = (
     "vrchain.world.render.drawer",
     "vrchain.landmarks.extraction.exact",
     "vrchain.landmarks.extraction.network",
+    "vrchain.landmarks.training.imagenet",
     "vrchain.landmarks.training.learn",
     "vrchain.landmarks.training.losses",
     "vrchain.landmarks.training.profiles",

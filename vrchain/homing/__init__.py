@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping
 
 from vrchain.errors import MissionError
 from vrchain.homing.epipolar import Epipolar
-from vrchain.homing.landmark_vector import LandmarkVector
-from vrchain.homing.scale import ScaleSpace
+from vrchain.homing.landmark_vector import landmark_vector
+from vrchain.homing.scale import scale_space
 from vrchain.homing.views import HomeVector, Snapshot, Views, snapshot
 from vrchain.homing.warping import Warping
 from vrchain.landmarks.extraction.sift import Features
@@ -30,8 +30,8 @@ Method = Callable[[Views, float | None], HomeVector | None]
 
 METHODS: Mapping[str, Method] = {
     "epipolar": Epipolar(),
-    "scale": ScaleSpace(),
-    "average landmark vector": LandmarkVector(),
+    "scale": scale_space,
+    "average landmark vector": landmark_vector,
     "warping": Warping(),
 }
 

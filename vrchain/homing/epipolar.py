@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from vrchain.geometry import wrap_angle_rad
 from vrchain.homing.views import HomeVector, Views
 from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.matching.epipolar import estimate, one_point
+from vrchain.landmarks.matching.epipolar import estimate, one_point, sampson
 
 Array = NDArray[np.float64]
 
@@ -58,20 +58,15 @@ class Epipolar:
         self, now: Features, then: Features, heading_rad: float | None
     ) -> tuple[float, float, float, NDArray[np.bool_]] | None:
         """Home's direction and heading, the direction's deviation, and the matches that agree."""
-        matches = now.bearing_rad, now.slope, then.bearing_rad, then.slope
+        limits = self.min_inliers, self.tolerance_rad
         if heading_rad is not None:
-            alpha, t_a, beta, t_b = matches
-            found = _direction(
-                alpha, t_a, beta + heading_rad, t_b, self.min_inliers, self.tolerance_rad
-            )
+            beta = then.bearing_rad + heading_rad
+            found = _direction(now.bearing_rad, now.slope, beta, then.slope, *limits)
             return found and (found[0], heading_rad, *found[1:])
-        geometry = estimate(*matches, self.min_inliers, self.tolerance_rad)
-        if geometry is None:
+        g = estimate(now.directions, then.directions, *limits)
+        if g is None:
             return None
-        return (
-            geometry.direction_rad, geometry.heading_rad, geometry.direction_std_rad,
-            geometry.inliers,
-        )  # fmt: skip
+        return g.direction_rad, g.heading_rad, g.direction_std_rad, g.inliers
 
 
 def _direction(
@@ -89,7 +84,7 @@ def _direction(
         if inliers.sum() < min_inliers:
             return None
         da, ta, db, tb = (x[inliers] for x in (alpha - course, t_a, beta - course, t_b))
-        residual, scale = _residual(da, ta, db, tb)
+        residual, scale = sampson(da, ta, db, tb)
         slope = (ta * np.cos(db) - tb * np.cos(da)) / scale
         information = float(slope @ slope) + 1e-12
         course += float(np.clip(-(slope @ residual) / information, -0.1, 0.1))
@@ -99,16 +94,6 @@ def _direction(
     if inliers.sum() < min_inliers:
         return None
     return float(wrap_angle_rad(course)), std_rad, inliers
-
-
-def _residual(da: Array, t_a: Array, db: Array, t_b: Array) -> tuple[Array, Array]:
-    """Sampson distances of matches from the constraint of ``landmarks.epipolar``, and their scale.
-
-    da, db: bearings of the points counted from the direction of home.
-    """
-    sin_a, sin_b = np.sin(da), np.sin(db)
-    scale = np.sqrt(sin_a**2 + sin_b**2 + (t_b * np.cos(da)) ** 2 + (t_a * np.cos(db)) ** 2)
-    return (t_b * sin_a - t_a * sin_b) / scale, scale
 
 
 def _agree(da: Array, t_a: Array, db: Array, t_b: Array, tolerance_rad: float) -> NDArray[np.bool_]:

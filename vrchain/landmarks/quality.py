@@ -108,7 +108,11 @@ class Sights:
     @cached_property
     def surface(self) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
         """Object ids (n,) and world points (n, 3) of a grid of directions all around."""
-        return _surface(self._truth, self.pose, self.rig)
+        rows, columns = self.rig.cylinder_shape
+        bearing_rad = self.rig.bearing_of_column(np.arange(0, columns, _GRID_PX))
+        slope = self.rig.slope_of_row(np.arange(0, rows, _GRID_PX))
+        bearing_rad, slope = np.broadcast_arrays(bearing_rad[None, :], slope[:, None])
+        return self._truth.look_along(self.pose, bearing_rad.ravel(), slope.ravel(), self.rig)
 
 
 def shared(truth: GroundTruth, a: Sights, b: Sights) -> list[int]:
@@ -124,17 +128,6 @@ def shared(truth: GroundTruth, a: Sights, b: Sights) -> list[int]:
         if len(own) and _seen_share(truth, object_id, own, other.pose, a.rig) >= CO_VISIBLE_SHARE:
             found.append(object_id)
     return found
-
-
-def _surface(
-    truth: GroundTruth, pose: Pose, rig: CameraRig
-) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """Object ids (n,) and world points (n, 3) of a grid of directions all around."""
-    rows, columns = rig.cylinder_shape
-    bearing = rig.bearing_of_column(np.arange(0, columns, _GRID_PX))
-    slope = rig.slope_of_row(np.arange(0, rows, _GRID_PX))
-    grid = np.broadcast_arrays(bearing[None, :], slope[:, None])
-    return truth.look_along(pose, grid[0].ravel(), grid[1].ravel(), rig)
 
 
 def _seen_share(

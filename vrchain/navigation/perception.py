@@ -13,9 +13,13 @@ from vrchain.landmarks.extraction.record import LandmarkRecord, examine, examine
 from vrchain.landmarks.extraction.sift import NO_FEATURES, Features, extract, extract_near
 from vrchain.landmarks.extraction.spots import NO_SPOTS, Spots
 from vrchain.landmarks.extraction.weights import SHIPPED
-from vrchain.landmarks.matching.calibration import Calibration, load_calibration
+from vrchain.landmarks.matching.calibration import (
+    LEAST_CLAIM,
+    Calibration,
+    chance_joined,
+    load_calibration,
+)
 from vrchain.landmarks.matching.common import Comparison
-from vrchain.landmarks.matching.consistency import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.matching.joint import JointConfig, compare_joint
 from vrchain.landmarks.retrieval.gallery import record_from
 from vrchain.navigation.planning.relative_poses import baseline_m
@@ -81,7 +85,7 @@ class Perception:
         one, other = a.proposals.embedding, b.proposals.embedding
         if len(one) == 0 or len(other) == 0:
             return 0.0
-        looks = self.calibration.looks(one @ other.T)
+        looks = self.calibration.appearance(one @ other.T)
         rows, best = np.arange(len(one)), looks.argmax(axis=1)
         mutual = looks.argmax(axis=0)[best] == rows
         speaks = np.logaddexp(0.0, looks[rows, best][mutual]).sum()

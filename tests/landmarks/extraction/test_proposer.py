@@ -7,16 +7,16 @@ from vrchain.landmarks.extraction.proposer import from_answers, nothing, overlap
 from vrchain.seeding import generator
 
 CENTRES_M = np.array([[10.0, 0.0], [0.0, 14.0], [-9.0, 1.0], [4.0, -20.0], [-15.0, -15.0]])
+HERE = Pose(0, 0, 0)
 
 
 @pytest.mark.parametrize("yaw_rad", [0.0, 1.0, 3.0, -3.1])
 def test_what_a_perfect_network_says_is_what_is_proposed(yaw_rad: float) -> None:
     """Whatever the heading: a thing across the seam is one proposal like any other."""
-    pose, looks = Pose(0.5, -0.3, yaw_rad), answers.looks(len(CENTRES_M))
+    pose = Pose(0.5, -0.3, yaw_rad)
     cells = answers.posts(pose, CENTRES_M)
-    found = from_answers(answers.perfect(cells, pose, CENTRES_M, looks), answers.RIG)
-    assert len(found) == len(CENTRES_M)
-    which = (found.embedding @ looks.T).argmax(axis=1)
+    found = from_answers(answers.said(pose, CENTRES_M), answers.RIG)
+    which = (found.embedding @ answers.looks(len(CENTRES_M)).T).argmax(axis=1)
     assert sorted(which) == list(range(len(CENTRES_M)))
     away = CENTRES_M[which] - pose.xy_m
     bearing = np.arctan2(away[:, 1], away[:, 0]) - yaw_rad
@@ -32,32 +32,24 @@ def test_what_a_perfect_network_says_is_what_is_proposed(yaw_rad: float) -> None
 
 
 def test_surest_first() -> None:
-    pose = Pose(0, 0, 0)
-    said = answers.perfect(
-        answers.posts(pose, CENTRES_M), pose, CENTRES_M, answers.looks(len(CENTRES_M))
-    )
-    cells = answers.posts(pose, CENTRES_M)
-    said["fit"][0][cells == 3] -= 3.0
-    found = from_answers(said, answers.RIG)
+    answered = answers.said(HERE, CENTRES_M)
+    answered["fit"][0][answers.posts(HERE, CENTRES_M) == 3] -= 3.0
+    found = from_answers(answered, answers.RIG)
     assert (np.diff(found.score) <= 0).all() and found.kind[-1] == 3
 
 
 def test_nothing_is_proposed_where_nothing_is_said() -> None:
-    said = answers.perfect(
-        np.full(answers.SHAPE, -1), Pose(0, 0, 0), CENTRES_M, answers.looks(len(CENTRES_M))
-    )
-    assert len(from_answers(said, answers.RIG)) == len(nothing()) == 0
+    answered = answers.said(HERE, np.empty((0, 2)))
+    assert len(from_answers(answered, answers.RIG)) == len(nothing()) == 0
 
 
 def test_answers_without_sense_give_proposals_that_make_sense() -> None:
     draws = generator(1, "noise")
-    said = {  # half a turn, stretched to a whole one: enough for more than are kept
+    answered = {  # half a turn, stretched to a whole one: enough for more than are kept
         name: draws.normal(scale=3, size=(*a.shape[:2], a.shape[2] // 2)).astype(np.float32)
-        for name, a in answers.perfect(
-            np.full(answers.SHAPE, -1), Pose(0, 0, 0), CENTRES_M, answers.looks(len(CENTRES_M))
-        ).items()
+        for name, a in answers.said(HERE, CENTRES_M).items()
     }
-    found = from_answers(said, answers.RIG)
+    found = from_answers(answered, answers.RIG)
     assert len(found) == 160
     assert np.isfinite(found.xy_m).all() and np.isfinite(found.box).all()
     assert np.allclose(np.linalg.norm(found.embedding, axis=1), 1, atol=1e-5)
@@ -65,9 +57,7 @@ def test_answers_without_sense_give_proposals_that_make_sense() -> None:
 
 
 def test_take_keeps_each_proposal_with_its_cells() -> None:
-    pose, looks = Pose(0, 0, 0), answers.looks(len(CENTRES_M))
-    cells = answers.posts(pose, CENTRES_M)
-    found = from_answers(answers.perfect(cells, pose, CENTRES_M, looks), answers.RIG)
+    found = from_answers(answers.said(HERE, CENTRES_M), answers.RIG)
     chosen = found.take([3, 1])
     for new, old in ((0, 3), (1, 1)):
         assert (chosen.embedding[new] == found.embedding[old]).all()

@@ -7,32 +7,28 @@ import numpy as np
 import pytest
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import Proposals, from_answers, nothing
+from vrchain.landmarks.extraction.proposer import Proposals, nothing
 from vrchain.landmarks.extraction.spots import (
     EACH,
     NO_SPOTS,
     ONE,
     Spots,
     described,
-    descriptors_of,
-    matched,
-    matched_within,
-    spots_of,
 )
 from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
+from vrchain.landmarks.matching.guided import spots_anywhere, spots_within
 
 CENTRES_M = np.array([[7.0, 0.0], [0.0, 9.0], [-8.0, 1.0], [4.0, -10.0], [-7.0, -7.0]])
 A, B = Pose(0.0, 0.0, 0.3), Pose(1.5, 1.0, -0.8)
 DIRECTION_RAD = A.bearing_to_rad(B.xy_m)
 HEADING_RAD = B.yaw_rad - A.yaw_rad
+TRUE = PlanarGeometry(DIRECTION_RAD, HEADING_RAD, np.ones(0, dtype=bool), 0.0)
 
 
 @cache
 def seen(pose: Pose) -> tuple[Proposals, Spots]:
-    looks = answers.looks(len(CENTRES_M))
-    said = answers.perfect(answers.posts(pose, CENTRES_M), pose, CENTRES_M, looks)
-    proposals = from_answers(said, answers.RIG)
-    return proposals, spots_of(proposals, answers.RIG, descriptors_of(proposals, said["local"]))
+    found = answers.record(pose, CENTRES_M)
+    return found.proposals, found.spots
 
 
 def of_one_thing() -> np.ndarray:
@@ -60,13 +56,12 @@ def test_spots_lie_where_their_things_are_seen() -> None:
 
 def test_matched_spots_are_of_one_thing_and_say_where_b_stands() -> None:
     (_, a), (_, b) = seen(A), seen(B)
-    ia, ib = matched(a, b)
+    ia, ib = spots_anywhere(a, b)
     assert len(ia) > 100 and len(set(ia)) == len(ia) and len(set(ib)) == len(ib)
     same = dict(of_one_thing().tolist())
     right = [same[i] == j for i, j in zip(a.owner[ia], b.owner[ib], strict=True)]
     assert np.mean(right) > 0.9
-    fa, fb = a.take(ia), b.take(ib)
-    found = estimate(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, 8, 0.012)
+    found = estimate(a.directions[ia], b.directions[ib], 8, 0.012)
     assert found is not None
     assert abs(wrap_angle_rad(found.direction_rad - DIRECTION_RAD)) < np.radians(5)
     assert abs(wrap_angle_rad(found.heading_rad - HEADING_RAD)) < np.radians(2)
@@ -74,23 +69,20 @@ def test_matched_spots_are_of_one_thing_and_say_where_b_stands() -> None:
 
 def test_within_pairs_only_what_the_pose_lets_is_matched() -> None:
     (_, a), (_, b) = seen(A), seen(B)
-    true = PlanarGeometry(DIRECTION_RAD, HEADING_RAD, np.ones(0, dtype=bool), 0.0)
     pairs = of_one_thing()
-    found = matched_within(a, b, pairs, true)
+    found = spots_within(a, b, pairs, TRUE)
     for (i, j), (ia, ib, alike) in zip(pairs, found, strict=True):
         assert len(ia) > 5 and (a.owner[ia] == i).all() and (b.owner[ib] == j).all()
         assert ((alike > 0.3) & (alike < 1.02)).all()
-        fa, fb = a.take(ia), b.take(ib)
-        assert true.obeyed(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, 0.013).all()
+        assert TRUE.obeyed(a.directions[ia], b.directions[ib], 0.013).all()
     wrong = PlanarGeometry(DIRECTION_RAD, HEADING_RAD + 1.0, np.ones(0, dtype=bool), 0.0)
-    lost = matched_within(a, b, pairs, wrong)
+    lost = spots_within(a, b, pairs, wrong)
     assert sum(len(f[0]) for f in lost) < 0.2 * sum(len(f[0]) for f in found)
 
 
 @pytest.mark.parametrize("other", [NO_SPOTS, seen(A)[1]])
 def test_where_there_is_nothing_nothing_matches(other: Spots) -> None:
-    assert [len(side) for side in matched(NO_SPOTS, other)] == [0, 0]
-    true = PlanarGeometry(DIRECTION_RAD, HEADING_RAD, np.ones(0, dtype=bool), 0.0)
-    ((ia, ib, alike),) = matched_within(NO_SPOTS, other, np.array([[0, 0]]), true)
+    assert [len(side) for side in spots_anywhere(NO_SPOTS, other)] == [0, 0]
+    ((ia, ib, alike),) = spots_within(NO_SPOTS, other, np.array([[0, 0]]), TRUE)
     assert len(ia) == len(ib) == len(alike) == 0
     assert len(described(nothing())) == 0

@@ -7,11 +7,13 @@ import pytest
 from vrchain.errors import LearnedError
 from vrchain.landmarks.matching.calibration import (
     Calibration,
+    chance_joined,
     expected_calibration_error,
     fit,
     load_calibration,
     to_json,
 )
+from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.seeding import generator
 
 
@@ -59,3 +61,21 @@ def test_no_calibration_is_said_plainly(tmp_path: Path, content: str | None) -> 
         (tmp_path / "w.json").write_text(content)
     with pytest.raises(LearnedError, match="vrchain train"):
         load_calibration(tmp_path / "w.pt")
+
+
+def at(heights: float) -> PlanarGeometry:
+    return PlanarGeometry(0.0, 0.0, np.ones(5, dtype=bool), 0.0, heights)
+
+
+def test_more_and_surer_claims_are_trusted_more_and_near_ones_less() -> None:
+    chance = [chance_joined([0.9] * n, 40, at(30.0)) for n in range(6)]
+    assert chance[0] == 0.0 and chance == sorted(set(chance)) and chance[-1] < 1.0
+    assert chance_joined([0.5] * 2, 40, at(30.0)) < chance[2]
+    assert chance_joined([0.9] * 2, 40, at(2.0)) < chance[2]
+    for nothing_told in (None, at(np.nan)):
+        assert chance_joined([0.9] * 2, 40, nothing_told) == chance[2]
+
+
+def test_where_much_is_proposed_few_claims_say_little_and_none_say_nothing() -> None:
+    assert chance_joined([0.9] * 3, 100, None) < 0.3 < 0.95 < chance_joined([0.9] * 3, 20, None)
+    assert [chance_joined([], n, at(5.0)) for n in (0, 1, 1000)] == [0.0] * 3

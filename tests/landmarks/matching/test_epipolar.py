@@ -1,5 +1,3 @@
-import json
-
 import numpy as np
 import pytest
 import worlds
@@ -17,12 +15,8 @@ POSES_B = [Pose(5, 0, 0), Pose(3, 4, 2.5), Pose(-6, 2, -1), Pose(0, -8, np.pi), 
 def errors_deg(geometry: PlanarGeometry | None, views: TwoViews) -> tuple[float, float]:
     """How far off the direction and the heading are."""
     assert geometry is not None
-    off = wrap_angle_rad(
-        [
-            geometry.direction_rad - views.direction_rad,
-            geometry.heading_rad - views.pose_b.yaw_rad,
-        ]
-    )
+    direction_rad = geometry.direction_rad - views.direction_rad
+    off = wrap_angle_rad([direction_rad, geometry.heading_rad - views.pose_b.yaw_rad])
     return tuple(np.degrees(np.abs(off)))
 
 
@@ -84,13 +78,10 @@ def test_ranges_are_true_in_baselines() -> None:
     geometry = estimate(*views.matches)
     baseline_m = 5.0
     compared = 0
-    for point, a, b in zip(views.points_m, views.bearing_a, views.bearing_b, strict=True):
-        true_a = np.hypot(*point[:2]) / baseline_m
-        true_b = np.hypot(*(point[:2] - views.pose_b.xy_m)) / baseline_m
-        found = geometry.ranges(a, b)
-        parallax = wrap_angle_rad(b + views.pose_b.yaw_rad - a)
-        if 0.02 < abs(parallax) < np.pi - 0.02:
-            assert found == pytest.approx((true_a, true_b), rel=1e-3)
+    for point, a, b in zip(views.points_m, views.a[:, 0], views.b[:, 0], strict=True):
+        true = [np.hypot(*(point[:2] - xy)) / baseline_m for xy in (0, views.pose_b.xy_m)]
+        if 0.02 < abs(wrap_angle_rad(b + views.pose_b.yaw_rad - a)) < np.pi - 0.02:
+            assert geometry.ranges(a, b) == pytest.approx(true, rel=1e-3)
             compared += 1
     assert compared > 80
 
@@ -110,18 +101,10 @@ def test_mere_chance_has_few_inliers(n: int) -> None:
         assert geometry is None or geometry.inliers.sum() <= max(8, 0.17 * n)
 
 
-def test_too_few_matches_tell_nothing() -> None:
-    assert estimate(*two_views(Pose(4, 0, 0), 7).matches) is None
-    assert estimate(*two_views(Pose(4, 0, 0), 0).matches) is None
-    assert estimate(*two_views(Pose(4, 0, 0), 11).matches, 12) is None
+@pytest.mark.parametrize(("n", "least"), [(7, 8), (0, 8), (11, 12), (0, 0), (1, 1)])
+def test_too_few_matches_tell_nothing(n: int, least: int) -> None:
+    assert estimate(*two_views(Pose(4, 0, 0), n).matches, least) is None
     assert estimate(*two_views(Pose(4, 0, 0), 12).matches, 12) is not None
-
-
-def test_no_matches_and_no_demand_is_no_pose() -> None:
-    empty = np.empty(0)
-    assert estimate(empty, empty, empty, empty, min_inliers=0) is None
-    one = np.array([0.3])
-    assert estimate(one, one, one, one, min_inliers=1) is None
 
 
 def check_finite(geometry: PlanarGeometry | None) -> None:
@@ -150,15 +133,15 @@ def test_directions_that_say_nothing_do_no_harm(noise_rad: float) -> None:
     ]
     for case in cases:
         noisy = [v + noise_rad * draws.normal(size=n) for v in case]
-        check_finite(estimate(*noisy))
+        check_finite(estimate(np.column_stack(noisy[:2]), np.column_stack(noisy[2:])))
 
 
 def test_at_one_place_the_heading_is_right() -> None:
     points = two_views(Pose(0, 5, 0), 100).points_m
     for seed in range(5):
         draws = generator(seed, "one place")
-        views = [*directions(Pose(0, 0), points), *directions(Pose(0, 0, 1.5), points)]
-        geometry = estimate(*(v + draws.normal(0, 0.001, 100) for v in views))
+        views = [np.column_stack(directions(Pose(0, 0, yaw), points)) for yaw in (0, 1.5)]
+        geometry = estimate(*(v + draws.normal(0, 0.001, (100, 2)) for v in views))
         check_finite(geometry)
         assert geometry is not None
         assert np.degrees(abs(wrap_angle_rad(geometry.heading_rad - 1.5))) < 0.2
@@ -167,9 +150,8 @@ def test_at_one_place_the_heading_is_right() -> None:
 def test_what_lies_behind_does_not_count_as_in_front() -> None:
     views = two_views(Pose(5, 0, 0), 100)
     behind = np.arange(100) < 30  # a mirrored ray obeys the same equation
-    bearing_b = np.where(behind, wrap_angle_rad(views.bearing_b + np.pi), views.bearing_b)
-    slope_b = np.where(behind, -views.slope_b, views.slope_b)
-    geometry = estimate(views.bearing_a, views.slope_a, bearing_b, slope_b)
+    mirrored = np.column_stack([wrap_angle_rad(views.b[:, 0] + np.pi), -views.b[:, 1]])
+    geometry = estimate(views.a, np.where(behind[:, None], mirrored, views.b))
     assert not geometry.inliers[behind].any()
     assert geometry.inliers[~behind].all()
 
@@ -177,7 +159,7 @@ def test_what_lies_behind_does_not_count_as_in_front() -> None:
 def test_swapping_the_two_inverts_the_pose() -> None:
     views = two_views(Pose(4, 3, 0.8), 150, noise_rad=0.0005, outliers=0.2)
     there = estimate(*views.matches)
-    back = estimate(views.bearing_b, views.slope_b, views.bearing_a, views.slope_a)
+    back = estimate(views.b, views.a)
     assert wrap_angle_rad(back.direction_rad - there.back_rad) == pytest.approx(0, abs=0.01)
     assert wrap_angle_rad(back.heading_rad + there.heading_rad) == pytest.approx(0, abs=0.003)
     assert (back.inliers == there.inliers).mean() > 0.95
@@ -185,13 +167,9 @@ def test_swapping_the_two_inverts_the_pose() -> None:
 
 def test_turning_a_robot_turns_the_answer_and_nothing_else() -> None:
     views = two_views(Pose(4, 3, 0.8), 100, noise_rad=0.001, outliers=0.3)
-    plain = estimate(*views.matches)
-    turned = estimate(
-        wrap_angle_rad(views.bearing_a - 0.9), views.slope_a, views.bearing_b, views.slope_b
-    )
-    assert wrap_angle_rad(turned.direction_rad - plain.direction_rad + 0.9) == pytest.approx(
-        0, abs=1e-3
-    )
+    plain, turned = estimate(views.a, views.b), estimate(views.a - (0.9, 0.0), views.b)
+    off = turned.direction_rad - plain.direction_rad + 0.9
+    assert wrap_angle_rad(off) == pytest.approx(0, abs=1e-3)
     assert turned.back_rad == pytest.approx(plain.back_rad, abs=1e-3)
 
 
@@ -206,7 +184,7 @@ values = [g.direction_rad, g.heading_rad, g.direction_std_rad]
 print(json.dumps([[v.hex() for v in map(float, values)], g.inliers.tolist()]))
 """
     first, second = worlds.in_two_processes(code)
-    assert first == second and json.dumps(first) == json.dumps(second)
+    assert first == second
 
 
 @pytest.mark.parametrize("height_m", [0.5, 1.0])
@@ -215,12 +193,12 @@ def test_the_ground_tells_how_far_apart_the_cameras_are(height_m: float) -> None
     draws = np.random.default_rng(5)
     points = np.column_stack([draws.uniform(-15, 15, (300, 2)), draws.uniform(0, 5, 300)])
     points[:60, 2] = 0.0
-    a, b = np.zeros(2), np.array([6.0, 2.0])
+    b = np.array([6.0, 2.0])
     seen = []
-    for place in (a, b):
+    for place in (np.zeros(2), b):
         offset = points[:, :2] - place
         slope = (points[:, 2] - height_m) / np.hypot(*offset.T)
-        seen += [np.arctan2(offset[:, 1], offset[:, 0]), slope]
+        seen.append(np.column_stack([np.arctan2(offset[:, 1], offset[:, 0]), slope]))
     found = estimate(*seen)
     assert found is not None
     assert found.baseline_heights * height_m == pytest.approx(np.hypot(*b), rel=0.02)

@@ -10,23 +10,19 @@ from vrchain.landmarks.matching.guided import matched_under, mutual
 B = Pose(6.0, 2.0, 1.1)
 VIEWS = two_views(B, 60)
 TRUE = PlanarGeometry(VIEWS.direction_rad, 1.1, np.ones(0, dtype=bool), 0.0)
-A_DIRECTIONS = np.column_stack([VIEWS.bearing_a, VIEWS.slope_a])
-B_DIRECTIONS = np.column_stack([VIEWS.bearing_b, VIEWS.slope_b])
 ALL = np.arange(60)
 
 
 def matched(geometry: PlanarGeometry, inside: list, looks: np.ndarray, least: float = 0.0) -> list:
     return matched_under(
-        geometry, A_DIRECTIONS, B_DIRECTIONS, inside,
+        geometry, *VIEWS.matches, inside,
         lambda ia, ib: looks[np.ix_(ia, ib)], least, 0.002,
     )  # fmt: skip
 
 
 def test_each_is_matched_with_its_own_where_another_looks_more_alike() -> None:
     looks = np.eye(60, dtype=np.float32) + 0.1
-    for i in range(60):  # and one that looks more alike, but cannot be the same point
-        stranger = (i + 7) % 60
-        looks[i, stranger] = 1.5
+    looks[ALL, (ALL + 7) % 60] = 1.5  # more alike, but cannot be the same point
     ((ia, ib, alike),) = matched(TRUE, [(ALL, ALL)], looks)
     assert (ia == ib).mean() > 0.9 and len(ia) > 50
     assert (alike[ia == ib] == np.float32(1.1)).all()
@@ -41,17 +37,13 @@ def test_regions_keep_to_themselves() -> None:
     assert [len(side) for side in crossed] == [0, 0, 0] == [len(side) for side in empty]
 
 
-def test_what_is_no_more_alike_than_the_least_does_not_match() -> None:
-    looks = np.eye(60, dtype=np.float32)
-    assert len(matched(TRUE, [(ALL, ALL)], looks, 1.0)[0][0]) == 0
-
-
 def test_of_many_that_look_the_same_one_is_matched() -> None:
     row, column = mutual(np.ones((50, 40), dtype=np.float32))
     assert row.tolist() == column.tolist() == [0]
 
 
-def test_under_a_wrong_pose_little_matches() -> None:
+def test_what_is_no_more_alike_than_the_least_and_what_no_pose_allows_does_not_match() -> None:
     wrong = PlanarGeometry(TRUE.direction_rad, TRUE.heading_rad + 0.5, TRUE.inliers, 0.0)
     looks = np.eye(60, dtype=np.float32)
     assert len(matched(wrong, [(ALL, ALL)], looks, 0.5)[0][0]) < 6
+    assert len(matched(TRUE, [(ALL, ALL)], looks, 1.0)[0][0]) == 0

@@ -5,6 +5,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from sights import features_of
 
 pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
 
@@ -13,6 +14,7 @@ from vrchain.experiments.landmarks.pairs import draw_pairs
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.raster import CELL_PX, cell_bearings_rad, columns_of
 from vrchain.landmarks.extraction.record import LandmarkRecord, encode_record, examine
+from vrchain.landmarks.matching import joint
 from vrchain.landmarks.matching.joint import JointConfig, compare_joint, distinct
 from vrchain.landmarks.quality import judge
 from vrchain.landmarks.retrieval import gallery
@@ -20,7 +22,6 @@ from vrchain.landmarks.retrieval.gallery import (
     Seen,
     gallery_of,
     named,
-    partners,
     record_from,
     who_sees,
 )
@@ -97,7 +98,7 @@ def test_panoramas_that_were_hardly_joined_rightly_have_nothing_in_common() -> N
     assert sure.chance is not None and 0.3 <= sure.chance < 1
 
 
-def test_no_landmark_is_claimed_in_pieces() -> None:
+def test_no_landmark_is_claimed_in_pieces(monkeypatch: pytest.MonkeyPatch) -> None:
     a, b = records()
     pairs = np.stack([np.arange(4)] * 2, axis=1)
     score = np.array([0.6, 0.9, 0.8, 0.7])
@@ -105,8 +106,8 @@ def test_no_landmark_is_claimed_in_pieces() -> None:
         a, proposals=replace(a.proposals.take([0, 0, 0, 1]), box=a.proposals.box[[0, 0, 0, 1]])
     )
     apart = replace(b, proposals=b.proposals.take(np.arange(4)))
-    kept = distinct(whole, apart, pairs, score, JointConfig(same_box=0.999))
-    assert kept == [1, 3]
+    monkeypatch.setattr(joint, "_SAME_BOX", 0.999)
+    assert distinct(whole, apart, pairs, score) == [1, 3]
 
 
 def test_a_view_that_is_missing_holds_no_landmark() -> None:
@@ -128,22 +129,20 @@ def test_where_nothing_is_to_be_seen_nothing_is_claimed(kind: str) -> None:
 
 def test_what_cannot_be_compared_is_said() -> None:
     a, b = records()
-    with pytest.raises(ImageError, match="one rig"):
-        compare_joint(a, replace(b, rig=CameraRig(n_views=6)))
-    with pytest.raises(ImageError, match="one weights"):
-        compare_joint(a, replace(b, maker="ab" * 32))
+    others = {
+        "one rig": replace(b, rig=CameraRig(n_views=6)),
+        "one weights": replace(b, maker="ab"),
+    }
+    for complaint, other in others.items():
+        with pytest.raises(ImageError, match=complaint):
+            compare_joint(a, other)
 
 
 def test_ten_thousand_keypoints_alike_on_a_fence() -> None:
     a, b = records()
     n = 10_000
-    fence = replace(
-        a.features,
-        bearing_rad=np.linspace(-1, 1, n),
-        slope=np.full(n, 0.05),
-        size_rad=np.full(n, 0.01),
-        descriptors=np.tile(a.features.descriptors[:1], (n, 1)),
-    )
+    coded = np.tile(a.features.descriptors[:1], (n, 1))
+    fence = features_of(np.linspace(-1, 1, n), np.full(n, 0.05), coded)
     claims = compare_joint(replace(a, features=fence), replace(b, features=fence)).common
     assert all(len(c.support_a) < 100 for c in claims)
 
@@ -165,44 +164,31 @@ def test_a_published_record_is_used_again_if_it_fits() -> None:
         assert again.maker == own.maker and len(again.proposals) > 2
 
 
-def test_who_shares_a_landmark_with_me() -> None:
-    a, b = records()
-    found = partners(a, gallery_of({"black": bare("black"), "b": b, "noise": bare("noise")}))
-    assert [key for key, _ in found] == ["b"]
-    assert partners(bare("black"), gallery_of({"b": b})) == []
-    assert partners(a, gallery_of({})) == []
-
-
 def test_others_are_named_once_one_is_believed() -> None:
     def seen(key: str, belief: float) -> Seen[str]:
         found = Seen(key, 0, 15.0, 0.0, 0.0, None, None)
-        return replace(found, looks=(belief - found.belief) / 1.66)
+        return replace(found, appearance=(belief - found.belief) / 1.66)
 
     a, b, c = seen("a", 0.1), seen("b", -2.4), seen("c", -2.6)
     assert named([a, b, c]) == ["a", "b"]
     assert named([b, c]) == named([]) == []
 
 
-def test_what_surely_shows_it_is_sought_too(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_who_sees_what_a_picture_shows_and_what_surely_does_is_sought_too(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     """With pictures that look like half of it, by what the surest panorama shows of the rest."""
     a, b = records()
     picture = examine(Panorama(replace(RIG, n_views=1), pair()[1][0].views[:1]))
-    what, panoramas = sought([picture]), gallery_of({"a": a, "b": b, "black": bare("black")})
+    assert subject(picture) is not None
+    what, panoramas = sought([picture]), gallery_of({"black": bare("black"), "a": a, "b": b})
+    first, second, *_ = who_sees(what, panoramas)
+    assert first.key == "a" and first.belief > max(0.0, second.belief)
+    assert first.sighting is not None and first.spotted is not None
+    assert first.sighting.n_matches > 20
     wider = {s.key: s for s in who_sees(what, panoramas)}
     monkeypatch.setattr(gallery, "_MORE_SIDES", 0)
     alone = {s.key: s for s in who_sees(what, panoramas)}
     assert alone["a"].belief > 0 and wider["a"].alike > alone["a"].alike + 0.05
     assert wider["b"].alike > alone["b"].alike
-
-
-def test_who_sees_what_a_picture_shows() -> None:
-    a, b = records()
-    views = pair()[1][0].views[:1]
-    picture = examine(Panorama(replace(RIG, n_views=1), views))
-    if subject(picture) is None:
-        pytest.skip("nothing is proposed in the middle of that view")
-    found = who_sees(sought([picture]), gallery_of({"black": bare("black"), "a": a, "b": b}))
-    assert found[0].key == "a" and found[0].belief > max(0.0, found[1].belief)
-    assert found[0].sighting is not None and found[0].spotted is not None
-    assert found[0].sighting.n_matches > 20
     assert who_sees(sought([bare("black")]), gallery_of({"a": a})) == []

@@ -13,29 +13,30 @@ from vrchain.errors import LearnedError, MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.sift import extract
 from vrchain.landmarks.extraction.weights import SHIPPED
-from vrchain.landmarks.matching.common import MatchConfig, compare
-from vrchain.landmarks.matching.variants import at_half_resolution, halved, sift, variant_named
+from vrchain.landmarks.matching.common import Comparison, compare
+from vrchain.landmarks.matching.variants import (
+    Variant,
+    at_half_resolution,
+    halved,
+    sift,
+    variant_named,
+)
 
 HERE, THERE = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
 
 
-def test_sift_says_what_comparing_says() -> None:
-    variant = variant_named("sift")
-    a, b = (sights.look(pose) for pose in (HERE, THERE))
-    found = variant.compare(variant.look(a), variant.look(b))
+def found_by(variant: Variant) -> Comparison:
+    return variant.compare(*(variant.look(sights.look(pose)) for pose in (HERE, THERE)))
+
+
+def test_sift_says_what_comparing_says_from_the_score_asked_for() -> None:
+    variant, a, b = variant_named("sift"), sights.look(HERE), sights.look(THERE)
     direct = compare(extract(a), extract(b), a.rig)
-    assert found.common and [c.score for c in found.common] == [c.score for c in direct.common]
+    made = [c.score for c in found_by(variant).common]
+    assert made == [c.score for c in direct.common] and made
     assert len(variant.keypoints(variant.look(a))) == len(extract(a))
-
-
-def test_a_score_from_which_claims_are_made() -> None:
-    a, b = (sights.look(pose) for pose in (HERE, THERE))
-    made = {
-        least: len(v.compare(v.look(a), v.look(b)).common)
-        for least in (0.02, MatchConfig().min_score, 0.99999)
-        for v in [sift(least)]
-    }
-    assert made[0.02] >= made[0.5] > made[0.99999] == 0
+    more, none = (len(found_by(sift(least)).common) for least in (0.02, 0.99999))
+    assert more >= len(made) > none == 0
 
 
 def test_one_plugged_in(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -97,6 +98,4 @@ def test_other_weights_stand_beside_the_shipped_ones(tmp_path: Path) -> None:
     shutil.copy(SHIPPED.with_suffix(".json"), tmp_path / "mine.json")
     mine, shipped = variant_named(str(tmp_path / "mine.pt"), 0.3), variant_named("cnn+sift", 0.3)
     assert mine.name == "cnn+sift, mine.pt" and mine.maker == shipped.maker
-    a, b = (sights.look(pose) for pose in (HERE, THERE))
-    for variant in (mine, shipped):
-        assert variant.compare(variant.look(a), variant.look(b)).geometry is not None
+    assert found_by(mine).geometry is not None and found_by(shipped).geometry is not None

@@ -5,30 +5,24 @@ from functools import cache
 
 import answers
 import numpy as np
-from sights import descriptors, features_of
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import from_answers, nothing
+from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.raster import CELL_PX, cell_slopes, columns_of
 from vrchain.landmarks.extraction.record import LandmarkRecord
-from vrchain.landmarks.extraction.spots import NO_SPOTS, descriptors_of, spots_of
+from vrchain.landmarks.extraction.sift import NO_FEATURES
 from vrchain.landmarks.matching.calibration import Calibration
 from vrchain.landmarks.retrieval.lookup import sought, subject
 from vrchain.landmarks.retrieval.recognition import LOWEST_SLOPE
 
 CENTRES_M = np.array([[9.0, 0.0], [0.0, 9.0], [-8.0, 1.0], [4.0, -10.0]])
-NO_KEYPOINTS = features_of(np.empty(0), np.empty(0), descriptors(0))
 HERE = Pose(1.0, -1.0, 2.0)
 CALIBRATION = Calibration(10.0, 0.5, {})
 
 
 @cache
 def record(pose: Pose) -> LandmarkRecord:
-    looks = answers.looks(len(CENTRES_M))
-    said = answers.perfect(answers.posts(pose, CENTRES_M), pose, CENTRES_M, looks)
-    proposals = from_answers(said, answers.RIG)
-    spots = spots_of(proposals, answers.RIG, descriptors_of(proposals, said["local"]))
-    return LandmarkRecord(answers.RIG, "m", proposals, NO_KEYPOINTS, spots)
+    return answers.record(pose, CENTRES_M)
 
 
 def towards(thing: int, range_m: float) -> Pose:
@@ -42,8 +36,7 @@ def test_a_picture_is_framed_on_what_is_in_its_middle() -> None:
     for thing in range(len(CENTRES_M)):
         picture = record(towards(thing, 6.0))
         k = subject(picture)
-        assert k is not None
-        assert abs(picture.proposals.bearing_rad[k]) < 0.1
+        assert k is not None and abs(picture.proposals.bearing_rad[k]) < 0.1
         assert abs(picture.proposals.range_m[k] - 6.0) < 1.0
 
 
@@ -56,22 +49,27 @@ def test_a_picture_is_not_framed_on_the_lawn_before_it() -> None:
     low = np.flatnonzero(cell_slopes() < LOWEST_SLOPE)
     lawn = (low[:, None] * columns + np.arange(columns)).ravel()
     assert len(lawn) > (p.owner == k).sum()
-    both = p.take([*range(len(p)), k])
-    box = np.vstack([p.box, [-0.8, 0.8, -0.4, 0.2]])
-    owner = np.concatenate([p.owner, np.full(len(lawn), len(p))])
-    cell = np.concatenate([p.cell, lawn])
-    both = replace(both, box=box, cell=cell, owner=owner)
+    both = replace(
+        p.take([*range(len(p)), k]),
+        box=np.vstack([p.box, [-0.8, 0.8, -0.4, 0.2]]),
+        cell=np.concatenate([p.cell, lawn]),
+        owner=np.concatenate([p.owner, np.full(len(lawn), len(p))]),
+    )
     assert subject(replace(picture, proposals=both)) == k
+
+
+def own_of(thing: int) -> int:
+    """The proposal that shows a thing from ``HERE``."""
+    bearing_rad = HERE.bearing_to_rad(CENTRES_M[thing])
+    return int(np.abs(wrap_angle_rad(record(HERE).proposals.bearing_rad - bearing_rad)).argmin())
 
 
 def test_what_is_sought_looks_more_like_itself_than_all_else_does() -> None:
     here = record(HERE)
     for thing in range(len(CENTRES_M)):
         what = sought([record(towards(thing, r)) for r in (5.0, 7.0)])
-        p = here.proposals
-        bearing_rad = HERE.bearing_to_rad(CENTRES_M[thing])
-        own = int(np.abs(wrap_angle_rad(p.bearing_rad - bearing_rad)).argmin())
-        looks, alike = what.looks(p.embedding, CALIBRATION), what.alike(p, here.spots)
+        p, own = here.proposals, own_of(thing)
+        looks, alike = what.appearance(p.embedding, CALIBRATION), what.alike(p, here.spots)
         assert looks.argmax() == own == alike.argmax()
         assert looks[own] > 0 and 0.8 < alike[own] <= 1.01
         assert np.delete(alike, own).max() < 0.8 * alike[own]
@@ -88,11 +86,11 @@ def test_spots_at_another_height_are_others() -> None:
 
 
 def test_where_there_is_nothing_nothing_is_sought_or_found() -> None:
-    bare = LandmarkRecord(answers.RIG, "m", nothing(), NO_KEYPOINTS, NO_SPOTS)
+    bare = LandmarkRecord(answers.RIG, "m", nothing(), NO_FEATURES)
     assert subject(bare) is None
     what, other = sought([bare]), record(towards(0, 6.0))
     assert what.pictures == () and sought([]).pictures == ()
-    assert (what.looks(other.proposals.embedding, CALIBRATION) == -np.inf).all()
+    assert (what.appearance(other.proposals.embedding, CALIBRATION) == -np.inf).all()
     assert (what.alike(other.proposals, other.spots) == 0).all()
     assert len(sought([other]).alike(bare.proposals, bare.spots)) == 0
 
@@ -102,14 +100,13 @@ def test_what_is_seen_from_other_sides_too_looks_no_less_like_itself() -> None:
     p = here.proposals
     for thing in range(len(CENTRES_M)):
         what = sought([record(towards(thing, 7.0))])
-        bearing_rad = HERE.bearing_to_rad(CENTRES_M[thing])
-        own = int(np.abs(wrap_angle_rad(p.bearing_rad - bearing_rad)).argmin())
+        own = own_of(thing)
         wider = what.also([(here, own)])
         assert wider.pictures == what.pictures
         assert len(wider.spots) == len(what.spots) + int((here.spots.owner == own).sum())
-        for one, other in (
-            (what.looks(p.embedding, CALIBRATION), wider.looks(p.embedding, CALIBRATION)),
-            (what.alike(p, here.spots), wider.alike(p, here.spots)),
-        ):
-            assert (other >= one - 1e-5).all()
+        one, other = (
+            np.r_[q.appearance(p.embedding, CALIBRATION), q.alike(p, here.spots)]
+            for q in (what, wider)
+        )
+        assert (other >= one - 1e-5).all()
         assert wider.alike(p, here.spots)[own] > 0.99

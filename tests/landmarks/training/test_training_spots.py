@@ -15,7 +15,7 @@ from vrchain.seeding import generator
 
 torch = pytest.importorskip("torch", reason="learned features need torch (extra `learned`)")
 from vrchain.landmarks.training.spots import (  # noqa: E402
-    Spots,
+    SpotPairs,
     cells_of,
     points_m,
     spot_loss,
@@ -34,7 +34,7 @@ def seen(tmp_path_factory: pytest.TempPathFactory) -> Examples:
 
 
 @pytest.fixture(scope="module")
-def spots(seen: Examples) -> list[Spots]:
+def spots(seen: Examples) -> list[SpotPairs]:
     return spots_of(seen, MEMBERS, generator(0, "spots"), mirrored=False)
 
 
@@ -57,7 +57,7 @@ def test_a_cell_looks_where_it_is_found_again(seen: Examples) -> None:
 
 
 def test_spots_are_the_same_points_of_the_same_landmarks(
-    seen: Examples, spots: list[Spots]
+    seen: Examples, spots: list[SpotPairs]
 ) -> None:
     assert len(spots) == 4
     for pair in spots:
@@ -84,7 +84,7 @@ def test_a_network_that_knows_places_has_little_to_learn(seen: Examples, mirrore
     assert spots_right(elsewhere, found)[0] < 0.2 * n
 
 
-def test_what_lies_near_a_spot_does_not_count_against_it(spots: list[Spots]) -> None:
+def test_what_lies_near_a_spot_does_not_count_against_it(spots: list[SpotPairs]) -> None:
     for pair in spots:
         assert pair.near.any() and not pair.near.diagonal().any()
         assert pair.near.float().mean() < 0.2

@@ -291,7 +291,7 @@ def regions_given(
     config = MatchConfig()
     ia, ib = mutual_matches(a.descriptors, b.descriptors, config.ratio)
     fa, fb = a.take(ia), b.take(ib)
-    geometry = estimate(fa.bearing_rad, fa.slope, fb.bearing_rad, fb.slope, config.min_inliers)
+    geometry = estimate(fa.directions, fb.directions, config.min_inliers)
     if geometry is None:
         return Comparison((), None)
     on, _ = truth.look_along(poses[0], fa.bearing_rad, fa.slope, rig)

@@ -26,6 +26,7 @@ from vrchain.landmarks.extraction.network import (
     Mix,
     Network,
     has_bfloat16,
+    twice,
 )
 from vrchain.landmarks.extraction.proposer import LOCAL
 
@@ -230,14 +231,12 @@ class _Mix:
 class ExactNetwork:
     """A network with what it has learned: pictures to answers, the same on every processor."""
 
+    @torch.no_grad()
     def __init__(self, network: Network, bfloat16: bool | None = None) -> None:
         """bfloat16: compute in it, else in float32; None: in what the processor is faster with."""
         if bfloat16 is None:
             bfloat16 = has_bfloat16()
-        with torch.no_grad():
-            self._take_over(network, _Maker(torch.bfloat16 if bfloat16 else torch.float32))
-
-    def _take_over(self, network: Network, make: _Maker) -> None:
+        make = _Maker(torch.bfloat16 if bfloat16 else torch.float32)
         n, spots, layer = network, network.spots, make.layer
         mean, spread = n.mean.double().flatten(), n.spread.double().flatten()
         self.stem = layer(n.stem, _PIXEL, _CLIPPED, before=(1 / (255 * spread), -mean / spread))
@@ -281,18 +280,18 @@ class ExactNetwork:
         around = _LARGE.settled(F.avg_pool2d(x, 2, ceil_mode=True))
         for mix in self.around:
             around = mix(around)
-        wide = _LARGE.settled(x + _twice(around)[..., : x.shape[-2], : x.shape[-1]])
+        wide = _LARGE.settled(x + twice(around)[..., : x.shape[-2], : x.shape[-1]])
         for mix in self.context:
             wide = mix(wide)
-        wide = self.middle(_LARGE.settled(_twice(wide) + self.middle_in(stride_8)))
-        fine = _FINE.settled(_twice(self.down(wide)) + self.fine_in(stride_4))
+        wide = self.middle(_LARGE.settled(twice(wide) + self.middle_in(stride_8)))
+        fine = _FINE.settled(twice(self.down(wide)) + self.fine_in(stride_4))
         found = self.answers(F.relu(_LARGE.settled(self.fine(fine)))).float() / _LARGE.one
         answers = dict(zip(ANSWERS, found.split(list(ANSWERS.values()), dim=1), strict=True))
         looks = [
             look(x).float() / _NORMED.one
             for look, x in zip(self.looks, (stride_4, stride_8, stride_16), strict=True)
         ]
-        embedding = answers["embedding"] + looks[0] + _twice(looks[1] + _twice(looks[2]))
+        embedding = answers["embedding"] + looks[0] + twice(looks[1] + twice(looks[2]))
         factor, summand = self.centre
         answers["embedding"] = embedding * factor + summand
         fine *= _LARGE.one / _FINE.one
@@ -301,11 +300,7 @@ class ExactNetwork:
 
     def _spots(self, *coarse_to_fine: Tensor) -> Tensor:
         a, b, c = (widen(x) for widen, x in zip(self.widen, coarse_to_fine, strict=True))
-        both = c + _twice(b + _twice(a, "bilinear"), "bilinear")
+        both = c + twice(b + twice(a, "bilinear"), "bilinear")
         hidden, direct = both.split([HIDDEN, LOCAL], dim=1)
         found = self.project(F.relu(_NORMED.settled(hidden))).float() + direct.float()
         return found / _NORMED.one
-
-
-def _twice(x: Tensor, mode: str = "nearest") -> Tensor:
-    return F.interpolate(x, scale_factor=2.0, mode=mode)

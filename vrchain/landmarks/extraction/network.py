@@ -1,19 +1,17 @@
 """The network: one pass over a panorama's picture, an answer for every cell.
 
-EfficientNet-Lite0 up to stride 16 (see ``backbone``), then back up to cells of 4 pixels. All
-convolutions go round: what is cut by the picture's edge is whole to the network. In this form it
-learns; robots run it as ``exact`` has it. This module imports torch; import it only where a network
-is needed.
+EfficientNet-Lite0 up to stride 16 (see ``training.imagenet``), then back up to cells of 4 pixels.
+All convolutions go round: what is cut by the picture's edge is whole to the network. In this form
+it learns; robots run it as ``exact`` has it. This module imports torch; import it only where a
+network is needed.
 """
 
 import os
-from typing import Any
 
 import torch
 import torch.nn.functional as F
 from torch import Tensor, nn
 
-from vrchain.landmarks.extraction.backbone import MEAN_RGB, SPREAD_RGB, Backbone
 from vrchain.landmarks.extraction.proposer import EMBEDDED, KINDS, LOCAL
 
 # channels of each answer: is it a landmark; how well its box fits; log of cells to the box's left,
@@ -31,6 +29,7 @@ _BLOCKS = (
     (6, 5, 1, 112), (6, 5, 1, 112), (6, 5, 1, 112),
 )  # fmt: skip
 STRIDE_4, STRIDE_8 = 2, 4  # the last block of each
+_MEAN_RGB, _SPREAD_RGB = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)  # of ImageNet
 HIDDEN = 96  # channels of what spots are made of
 _WIDE, _FINE = 128, 64
 
@@ -117,7 +116,7 @@ class Spots(nn.Module):
             for seen, norm, widen in zip((coarse, middle, fine), self.norm, self.widen, strict=True)
         ]
         hidden, direct = (
-            parts[2] + _twice(parts[1] + _twice(parts[0], "bilinear"), "bilinear")
+            parts[2] + twice(parts[1] + twice(parts[0], "bilinear"), "bilinear")
         ).split([HIDDEN, LOCAL], dim=1)
         found: Tensor = self.project(F.relu(hidden)) + direct
         return found
@@ -154,8 +153,8 @@ class Network(nn.Module):
         with torch.no_grad():
             self.answers.conv.weight[-EMBEDDED:] = 0.0
         self.centre = nn.BatchNorm1d(EMBEDDED, affine=False)  # of embeddings, landmark by landmark
-        self.register_buffer("mean", torch.tensor(MEAN_RGB).view(3, 1, 1))
-        self.register_buffer("spread", torch.tensor(SPREAD_RGB).view(3, 1, 1))
+        self.register_buffer("mean", torch.tensor(_MEAN_RGB).view(3, 1, 1))
+        self.register_buffer("spread", torch.tensor(_SPREAD_RGB).view(3, 1, 1))
         # rows are slopes: how far away the ground is at each, the cameras' height being known
         self.level = nn.Parameter(torch.zeros(1, _WIDE, 17, 1))
         self.spots = Spots()
@@ -174,31 +173,19 @@ class Network(nn.Module):
         stride_16 = x
         looks = [look(seen) for look, seen in zip(self.looks, (stride_4, stride_8, x), strict=True)]
         x = self.coarse(x) + self.level
-        around = _twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
+        around = twice(self.around(F.avg_pool2d(x, 2, ceil_mode=True)))
         wide = self.context(x + around[..., : x.shape[-2], : x.shape[-1]])
-        wide = self.middle(_twice(wide) + self.middle_in(stride_8))
-        fine = F.relu(_twice(self.down(wide)) + self.fine_in(stride_4))
+        wide = self.middle(twice(wide) + self.middle_in(stride_8))
+        fine = F.relu(twice(self.down(wide)) + self.fine_in(stride_4))
         found = self.answers(F.relu(self.fine(fine))).float()
         answers = dict(zip(ANSWERS, found.split(list(ANSWERS.values()), dim=1), strict=True))
-        embedding = answers["embedding"] + looks[0] + _twice(looks[1] + _twice(looks[2]))
+        embedding = answers["embedding"] + looks[0] + twice(looks[1] + twice(looks[2]))
         if not self.training:  # while it learns, ``centre`` is applied to whole landmarks
             c = self.centre
             embedding = F.batch_norm(embedding, c.running_mean, c.running_var, eps=c.eps)
         answers["embedding"] = embedding
         answers["local"] = self.spots(stride_16, stride_8, torch.cat([stride_4, fine], 1)).float()
         return answers
-
-    def take_over(self, backbone: Backbone) -> None:
-        """Begin from a backbone that has learned something else."""
-        own: list[tuple[Any, Any]] = [(self.stem, backbone.stem)]
-        for block, learned in zip(self.blocks, backbone.blocks, strict=True):
-            own += [(getattr(block, k), getattr(learned, k)) for k in ("filter", "project")]
-            if learned.expand is not None:
-                own.append((block.expand, learned.expand))
-        with torch.no_grad():
-            for mine, other in own:
-                mine.conv.weight.copy_(other.weight)
-                mine.conv.bias.copy_(other.bias)
 
 
 def _look(channels: int) -> nn.Module:
@@ -207,5 +194,6 @@ def _look(channels: int) -> nn.Module:
     return nn.Sequential(nn.BatchNorm2d(channels), mix)
 
 
-def _twice(x: Tensor, mode: str = "nearest") -> Tensor:
+def twice(x: Tensor, mode: str = "nearest") -> Tensor:
+    """As many rows and columns twice over."""
     return F.interpolate(x, scale_factor=2.0, mode=mode)

@@ -128,24 +128,21 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     chosen = _agreed_boxes(boxes, sure, drafts, period)
     if len(chosen) == 0:
         return nothing()
-    looks = np.zeros((len(chosen), len(answers["embedding"])))
+    appearance = np.zeros((len(chosen), len(answers["embedding"])))
     parts = list(_in_parts(boxes, chosen, period))
     alike, owner = _most_like(parts, len(boxes))
     for part, near, overlap in parts:
         # a landmark's other pieces say what it looks like too, so all that overlap are heard
         weight = overlap.astype(float) ** 2 * landmark[row[part], column[part]][:, None]
-        looks[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
-    length = np.maximum(np.linalg.norm(looks, axis=1, keepdims=True), 1e-9)
+        appearance[near] += weight.T @ answers["embedding"][:, row[part], column[part]].T
+    length = np.maximum(np.linalg.norm(appearance, axis=1, keepdims=True), 1e-9)
     own = alike >= _OWN_BOX
     sure = sure[own]
     row, column, owner = row[own], column[own], owner[own]
     n = len(chosen)
     weight = landmark[row, column].astype(float)
     total = np.maximum(np.bincount(owner, weight, n), 1e-9)
-
-    def mean_of(channels: NDArray[np.float32]) -> Array:
-        return np.stack([np.bincount(owner, weight * c, n) / total for c in channels], axis=1)
-
+    kinds = [np.bincount(owner, weight * c, n) / total for c in answers["kind"][:, row, column]]
     offset, log_range, *unsure = answers["middle"][:, row, column].astype(float)
     # angles are averaged as turns from the box's middle, which may lie across the seam
     half_turn_cells = columns * np.pi / rig.span_rad
@@ -158,26 +155,24 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     )
     log_range, range_std = _agreed(log_range, unsure[1], owner, n)
     middle = rig.span_rad / 2 - ((left + right) / 2 + 0.5) * step_rad
-    slopes = cell_slopes()
     score = np.zeros(n)
     np.maximum.at(score, owner, sure)
+    slopes = cell_slopes()
+    edges = [
+        rig.span_rad / 2 - (right + 0.5) * step_rad,
+        rig.span_rad / 2 - (left + 0.5) * step_rad,
+        np.interp(bottom, np.arange(len(slopes)), slopes),
+        np.interp(top, np.arange(len(slopes)), slopes),
+    ]
     found = Proposals(
         score,
-        np.stack(
-            [
-                rig.span_rad / 2 - (right + 0.5) * step_rad,
-                rig.span_rad / 2 - (left + 0.5) * step_rad,
-                np.interp(bottom, np.arange(len(slopes)), slopes),
-                np.interp(top, np.arange(len(slopes)), slopes),
-            ],
-            axis=1,
-        ),
+        np.stack(edges, axis=1),
         wrap_angle_rad(middle + bearing),
         RANGE_UNIT_M * np.exp(log_range),
         np.maximum(bearing_std * BEARING_UNIT_RAD, _LEAST_UNSURE_RAD),
         range_std,
-        mean_of(answers["kind"][:, row, column]).argmax(axis=1),
-        (looks / length).astype(np.float32),
+        np.argmax(kinds, axis=0),
+        (appearance / length).astype(np.float32),
         row * columns + column,
         owner,
     )
@@ -185,12 +180,12 @@ def from_answers(answers: Answers, rig: CameraRig) -> Proposals:
     return found.take(large[np.argsort(-score[large], kind="stable")][:_MOST])
 
 
-def nothing(dimensions: int = EMBEDDED) -> Proposals:
+def nothing() -> Proposals:
     """No proposals."""
     none, whole = np.empty(0), np.empty(0, dtype=np.int64)
     return Proposals(
         none, np.empty((0, 4)), none, none, none, none, whole,
-        np.empty((0, dimensions), dtype=np.float32), whole, whole,
+        np.empty((0, EMBEDDED), dtype=np.float32), whole, whole,
     )  # fmt: skip
 
 

@@ -36,6 +36,9 @@ from vrchain.panorama import CameraRig, Panorama
 
 Array = NDArray[np.float64]
 
+# What of a panorama is kept: so many keypoints at most, so many of each proposal, the largest first
+# (they are found again from farther away), and this share of them for what lies in no proposal.
+_KEYPOINTS, _EACH, _OUTSIDE = 2400, 24, 0.2
 _MAGIC = b"VRLAND\x00\x03"
 _MAX_BYTES = 4_000_000
 _FARTHEST_M = 10_000.0  # that a robot may have moved since the panorama before, or sees
@@ -74,15 +77,6 @@ _LOOK = _Fixed("<i1", 1 / 127)
 _UNIT = 2.0**10  # embeddings are multiples of 1 / _UNIT, so that products are exact in float32
 
 
-@dataclass(frozen=True)
-class RecordConfig:
-    """What of a panorama is kept."""
-
-    keypoints: int = 2400  # at most
-    each: int = 24  # of each proposal, the largest first: they are found again from farther away
-    outside: float = 0.2  # share of them kept for what lies in no proposal
-
-
 @dataclass(frozen=True, eq=False)
 class LandmarkRecord:
     """What is known of one panorama's landmarks.
@@ -100,30 +94,27 @@ class LandmarkRecord:
     moved: Pose | None = None
 
 
-def maker_of(weights: Path = SHIPPED, config: RecordConfig | None = None) -> str:
+def maker_of(weights: Path = SHIPPED) -> str:
     """The digest of weights and configuration, hexadecimal."""
-    known = {"weights": weights_digest(weights), **asdict(config or RecordConfig())}
+    kept = {"keypoints": _KEYPOINTS, "each": _EACH, "outside": _OUTSIDE}
+    known = {"weights": weights_digest(weights), **kept}
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
 def examine(
-    panorama: Panorama,
-    weights: Path = SHIPPED,
-    config: RecordConfig | None = None,
-    features: Features | None = None,
+    panorama: Panorama, weights: Path = SHIPPED, features: Features | None = None
 ) -> LandmarkRecord:
     """Extract a panorama's landmarks. LearnedError without torch or the weights.
 
     features: all its keypoints, where they are known already.
     """
-    config = config or RecordConfig()
     proposals, local = propose(panorama, load_network(weights))
     if features is None:
         features = extract(panorama)
-    kept = features.take(_kept(features, proposals, panorama.rig, config))
+    kept = features.take(_kept(features, proposals, panorama.rig))
     spots = spots_of(proposals, panorama.rig, descriptors_of(proposals, local))
     return LandmarkRecord(
-        panorama.rig, maker_of(weights, config), _settled(proposals), _settled_features(kept), spots
+        panorama.rig, maker_of(weights), _settled(proposals), _settled_features(kept), spots
     )
 
 
@@ -138,17 +129,13 @@ def _settled(p: Proposals) -> Proposals:
 
 def _settled_features(f: Features) -> Features:
     bearing_rad = _ANGLE.settled(wrap_angle_rad(f.bearing_rad))
-    return replace(
-        f,
-        bearing_rad=bearing_rad,
-        slope=_SLOPE.settled(f.slope),
-        size_rad=_SIZE.settled(f.size_rad),
-    )
+    slope, size_rad = _SLOPE.settled(f.slope), _SIZE.settled(f.size_rad)
+    return Features(bearing_rad, slope, size_rad, f.descriptors)
 
 
-def _unit(looks: NDArray[np.integer]) -> NDArray[np.float32]:
+def _unit(whole: NDArray[np.integer]) -> NDArray[np.float32]:
     """Embeddings of length one."""
-    wide = looks.astype(float)
+    wide = whole.astype(float)
     length = np.maximum(np.linalg.norm(wide, axis=1, keepdims=True), 1e-9)
     return np.asarray(np.round(wide / length * _UNIT) / _UNIT, dtype=np.float32)
 
@@ -176,17 +163,15 @@ def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> N
     return np.where(inside, grid[place], -1)
 
 
-def _kept(
-    found: Features, proposals: Proposals, rig: CameraRig, config: RecordConfig
-) -> NDArray[np.int64]:
+def _kept(found: Features, proposals: Proposals, rig: CameraRig) -> NDArray[np.int64]:
     """Which keypoints a record keeps."""
     owner = owners(rig, proposals, found)
     largest_first = np.argsort(-found.size_rad, kind="stable")
     rank = np.empty(len(found), dtype=np.int64)
     rank[largest_first] = ranks(owner[largest_first])
-    outside = largest_first[owner[largest_first] < 0][: int(config.keypoints * config.outside)]
-    own = np.flatnonzero((owner >= 0) & (rank < config.each))
-    within = own[np.argsort(rank[own], kind="stable")][: config.keypoints - len(outside)]
+    outside = largest_first[owner[largest_first] < 0][: int(_KEYPOINTS * _OUTSIDE)]
+    own = np.flatnonzero((owner >= 0) & (rank < _EACH))
+    within = own[np.argsort(rank[own], kind="stable")][: _KEYPOINTS - len(outside)]
     return np.sort(np.concatenate([within, outside]))
 
 
@@ -197,16 +182,9 @@ def encode_record(record: LandmarkRecord) -> bytes:
     grid = np.full(rows * columns, 255, dtype=np.uint8)
     grid[p.cell] = p.owner
     arrays = [_whole(name, fixed, getattr(p, name)) for name, fixed in _NUMBERS.items()]
-    arrays += [
-        p.kind.astype("<u1"),
-        _LOOK.whole(p.embedding),
-        grid,
-        _ANGLE.whole(wrap_angle_rad(f.bearing_rad)),
-        _SLOPE.whole(f.slope),
-        _SIZE.whole(f.size_rad),
-        f.descriptors,
-        record.spots.descriptors,
-    ]
+    arrays += [p.kind.astype("<u1"), _LOOK.whole(p.embedding), grid]
+    arrays += [_ANGLE.whole(wrap_angle_rad(f.bearing_rad)), _SLOPE.whole(f.slope)]
+    arrays += [_SIZE.whole(f.size_rad), f.descriptors, record.spots.descriptors]
     header = {
         "rig": asdict(record.rig),
         "maker": record.maker,

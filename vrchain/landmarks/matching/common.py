@@ -117,13 +117,7 @@ def compare(
     config = config or MatchConfig()
     index_a, index_b = mutual_matches(a.descriptors, b.descriptors, config.ratio)
     matched_a, matched_b = a.take(index_a), b.take(index_b)
-    geometry = estimate(
-        matched_a.bearing_rad,
-        matched_a.slope,
-        matched_b.bearing_rad,
-        matched_b.slope,
-        config.min_inliers,
-    )
+    geometry = estimate(matched_a.directions, matched_b.directions, config.min_inliers)
     if geometry is None:
         return Comparison((), None)
     inlier = np.flatnonzero(geometry.inliers)
@@ -136,18 +130,17 @@ def compare(
     claims = []
     for members in group_by_nearness(places_a, places_b, config.group_rad):
         chosen = inlier[members]
-        standing = all(np.max(f.slope[chosen]) > config.min_slope for f in (matched_a, matched_b))
+        own_a, own_b = matched_a.take(chosen), matched_b.take(chosen)
+        standing = min(own_a.slope.max(), own_b.slope.max()) > config.min_slope
         score = support_score(len(chosen))
         if len(chosen) < config.min_support or not standing or score < config.min_score:
             continue
-        region_a, region_b = (panorama_region(f.take(chosen), rig) for f in (matched_a, matched_b))
-        bearings = (circular_mean_rad(f.bearing_rad[chosen]) for f in (matched_a, matched_b))
+        bearings = circular_mean_rad(own_a.bearing_rad), circular_mean_rad(own_b.bearing_rad)
         ranges = geometry.ranges(*bearings) if apart else None
         if ranges and max(ranges) > config.max_range:
             continue
-        claims.append(
-            CommonLandmark(score, region_a, region_b, index_a[chosen], index_b[chosen], ranges)
-        )
+        regions = panorama_region(own_a, rig), panorama_region(own_b, rig)
+        claims.append(CommonLandmark(score, *regions, index_a[chosen], index_b[chosen], ranges))
     return Comparison(tuple(sorted(claims, key=lambda c: -c.score)), geometry)
 
 
@@ -214,9 +207,5 @@ def view_boxes(shapes: NDArray[np.float64], rig: CameraRig) -> list[Region]:
     x_px, y_px = x_px.clip(0, rig.width_px), y_px.clip(0, rig.height_px)
     top, bottom = y_px.min(axis=(0, 1)), y_px.max(axis=(0, 1))
     boxes = np.stack([x_px.min(axis=0), top, x_px.max(axis=0), bottom], axis=1)
-    return [
-        Region(v, (x0, y0, x1, y1), b, w)
-        for v, (x0, y0, x1, y1), b, w in zip(
-            view.tolist(), boxes.tolist(), bearing.tolist(), width_rad.tolist(), strict=True
-        )
-    ]
+    columns = view.tolist(), boxes.tolist(), bearing.tolist(), width_rad.tolist()
+    return [Region(v, tuple(box), b, w) for v, box, b, w in zip(*columns, strict=True)]

@@ -2,11 +2,12 @@
 
 Each panorama alone places its proposals on a map of its own, bearings well and ranges roughly.
 Two such maps of one place differ by a turn and a shift. Pairs of proposals that look alike
-suggest one; what all proposals say of it, by their looks and by their places, decides. Twins look
-the same and are told apart by what stands around them.
+suggest one; what all proposals say of it, by appearance and by place, decides. Twins look the same
+and are told apart by what stands around them.
 """
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,20 +19,12 @@ from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
 
+_ALIKE = 4  # most alike ones of each proposal from which a relative pose is guessed
+_HEARD = 200  # of these candidates, the most alike, say which guesses are worth settling
+_GUESSES, _KEPT = 2000, 10  # relative poses tried, and how many are settled by least squares
+_AREA_M2 = 2000.0  # where a landmark might as well stand: rivals of the right place
+_REACH_M = 70.0  # robots farther apart than this are not looked for
 _NEAREST_M, _DISTANCES = 0.3, 48  # the least distance between two robots, and how many are tried
-
-
-@dataclass(frozen=True)
-class ConstellationConfig:
-    """How proposals are joined."""
-
-    candidates: int = 4  # most alike ones of each proposal from which a relative pose is guessed
-    heard: int = 200  # of the candidates, the most alike, say which guesses are worth settling
-    guesses: int = 2000  # relative poses tried
-    kept: int = 10  # of them settled by least squares
-    area_m2: float = 2000.0  # where a landmark might as well stand: rivals of the right place
-    reach_m: float = 70.0  # robots farther apart than this are not looked for
-    loosen: float = 1.0  # how many times less sure places are than the network says
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +33,7 @@ class Constellation:
 
     xy_m: (2,) where B stands; heading_rad: B's heading against A's; covariance: (3, 3) of x, y and
     heading. evidence: log-likelihood of all proposals against that of two unrelated places.
-    looks, place: (n_a, n_b) log-likelihood ratios of being the same, by looks and by place.
+    appearance, place: (n_a, n_b) log-likelihood ratios of being the same, by each of them.
     pairs: (m, 2) the one-to-one joining that both together favour.
     """
 
@@ -48,87 +41,84 @@ class Constellation:
     heading_rad: float
     covariance: Array
     evidence: float
-    looks: Array
+    appearance: Array
     place: Array
     pairs: NDArray[np.int64]
 
 
-def join(
-    a: Proposals, b: Proposals, looks: Array, config: ConstellationConfig | None = None
-) -> Constellation | None:
+@dataclass(frozen=True, eq=False)
+class _Places:
+    """Places in their robot's frame, (..., 2), and their covariances, (..., 2, 2)."""
+
+    xy_m: Array
+    covariance: Array
+
+    def take(self, *index: Any) -> "_Places":
+        return _Places(self.xy_m[index], self.covariance[index])
+
+    def narrow(self) -> "_Places":
+        return _Places(_narrow(self.xy_m), _narrow(self.covariance))
+
+
+Alike = tuple[_Places, _Places, Array, NDArray[np.int64]]
+"""Candidates: where they are in A and in B, how alike they look, and A's proposal. (n,) each."""
+
+
+def join(a: Proposals, b: Proposals, appearance: Array) -> Constellation | None:
     """The relative pose that most speaks for, and the pairs under it; None: nothing to go by.
 
-    looks: (n_a, n_b) log-likelihood ratio of being the same landmark, by looks alone.
+    appearance: (n_a, n_b) log-likelihood ratio of being the same landmark, by appearance alone.
     """
-    config = config or ConstellationConfig()
     if min(len(a), len(b)) < 2:
         return None
-    i, j = _candidates(looks, config.candidates)
-    poses = _guesses(a, b, i, j, looks[i, j], config)
+    i, j = _candidates(appearance)
+    alike = appearance[i, j]
+    poses = _guesses(a, b, i, j, alike)
     if len(poses) == 0:
         return None
-    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
-    own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
-    heard = np.sort(np.argsort(-looks[i, j], kind="stable")[: config.heard])
-    at_a, at_b, unsure_a, unsure_b, alike = (_narrow(x[heard]) for x in own)
-    support = _support(_narrow(poses), at_a, at_b, unsure_a, unsure_b, alike, i[heard], config)
-    kept = _distinct(poses, support, config.kept)
-    settled = [_settle(poses[k], *own, config) for k in kept]
-    support = _support(np.stack([pose for pose, _ in settled]), *own, i, config)
+    places_a, places_b = _places(a), _places(b)
+    own = places_a.take(i), places_b.take(j), alike, i
+    heard = np.sort(np.argsort(-alike, kind="stable")[:_HEARD])
+    few_a, few_b = (side.take(heard).narrow() for side in own[:2])
+    few = few_a, few_b, _narrow(alike[heard]), i[heard]
+    kept = _distinct(poses, _support(_narrow(poses), few))
+    settled = [_settle(poses[k], own) for k in kept]
+    support = _support(np.stack([pose for pose, _ in settled]), own)
     pose, covariance = settled[int(support.argmax())]
-    joined = _join_at(pose, a, b, looks, (i, j), (shape_a, shape_b), config)
-    return replace(joined, covariance=covariance)
+    return replace(_join_at(pose, places_a, places_b, appearance, own), covariance=covariance)
 
 
 def join_along(
-    direction_rad: float,
-    heading_rad: float,
-    a: Proposals,
-    b: Proposals,
-    looks: Array,
-    config: ConstellationConfig | None = None,
+    direction_rad: float, heading_rad: float, a: Proposals, b: Proposals, appearance: Array
 ) -> Constellation:
     """The same where B's direction and heading are known from elsewhere: how far is it to B?"""
-    config = config or ConstellationConfig()
-    i, j = _candidates(looks, config.candidates)
-    apart_m = np.geomspace(_NEAREST_M, config.reach_m, _DISTANCES)
+    i, j = _candidates(appearance)
+    apart_m = np.geomspace(_NEAREST_M, _REACH_M, _DISTANCES)
     along = np.array([np.cos(direction_rad), np.sin(direction_rad), 0.0])
     poses = apart_m[:, None] * along + np.array([0.0, 0.0, heading_rad])
-    shape_a, shape_b = _covariances(a, config.loosen), _covariances(b, config.loosen)
-    best = _DISTANCES // 2
-    if len(i):
-        own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
-        best = int(_support(poses, *own, i, config).argmax())
-    return _join_at(poses[best], a, b, looks, (i, j), (shape_a, shape_b), config)
+    places_a, places_b = _places(a), _places(b)
+    own = places_a.take(i), places_b.take(j), appearance[i, j], i
+    best = int(_support(poses, own).argmax()) if len(i) else _DISTANCES // 2
+    return _join_at(poses[best], places_a, places_b, appearance, own)
 
 
 def _join_at(
-    pose: Array,
-    a: Proposals,
-    b: Proposals,
-    looks: Array,
-    candidates: tuple[NDArray[np.int64], NDArray[np.int64]],
-    shapes: tuple[Array, Array],
-    config: ConstellationConfig,
+    pose: Array, places_a: _Places, places_b: _Places, appearance: Array, candidates: Alike
 ) -> Constellation:
-    """The pairs under a relative pose (3,): x, y, heading. shapes: covariances of A's and B's."""
-    (i, j), (shape_a, shape_b) = candidates, shapes
-    own = a.xy_m[i], b.xy_m[j], shape_a[i], shape_b[j], looks[i, j]
-    evidence = float(_support(pose[None], *own, i, config)[0]) if len(i) else 0.0
-    place = _place(
-        pose[None], a.xy_m[:, None], b.xy_m[None], shape_a[:, None], shape_b[None], config
-    )[0]
+    """The pairs under a relative pose (3,): x, y, heading."""
+    evidence = float(_support(pose[None], candidates)[0]) if len(candidates[-1]) else 0.0
+    place = _place(pose[None], places_a.take(slice(None), None), places_b.take(None))[0]
     return Constellation(
-        pose[:2], float(wrap_angle_rad(pose[2])), np.zeros((3, 3)), evidence, looks, place,
-        one_to_one(looks + place),
+        pose[:2], float(wrap_angle_rad(pose[2])), np.zeros((3, 3)), evidence, appearance, place,
+        one_to_one(appearance + place),
     )  # fmt: skip
 
 
-def by_looks(looks: Array) -> Constellation:
+def by_appearance(appearance: Array) -> Constellation:
     """Proposals joined without regard to where they stand; the pose is unknown (NaN)."""
     nowhere, unsure = np.full(2, np.nan), np.full((3, 3), np.nan)
     return Constellation(
-        nowhere, np.nan, unsure, 0.0, looks, np.zeros_like(looks), one_to_one(looks)
+        nowhere, np.nan, unsure, 0.0, appearance, np.zeros_like(appearance), one_to_one(appearance)
     )
 
 
@@ -139,37 +129,32 @@ def one_to_one(gain: Array) -> NDArray[np.int64]:
     return np.stack([rows, columns], axis=1)[gain[rows, columns] > 0]
 
 
-def _candidates(looks: Array, n: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Pairs of proposals of which one is among the n that look most like the other."""
-    of_a, of_b = _most(looks, n), _most(looks.T, n).T
-    i, j = np.nonzero((of_a & of_b) | (looks > 0) & (of_a | of_b))
+def _candidates(appearance: Array) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Pairs of proposals of which one is among the few that look most like the other."""
+    of_a, of_b = _most(appearance), _most(appearance.T).T
+    i, j = np.nonzero((of_a & of_b) | (appearance > 0) & (of_a | of_b))
     return i, j
 
 
-def _most(values: Array, n: int) -> NDArray[np.bool_]:
-    """Which are the n largest of their row."""
+def _most(values: Array) -> NDArray[np.bool_]:
+    """Which are among the largest of their row."""
     found = np.zeros(values.shape, dtype=bool)
-    n = min(n, values.shape[1])
+    n = min(_ALIKE, values.shape[1])
     largest = np.argpartition(-values, n - 1, axis=1)[:, :n] if n else np.empty((len(values), 0))
     np.put_along_axis(found, largest.astype(int), True, axis=1)
     return found
 
 
 def _guesses(
-    a: Proposals,
-    b: Proposals,
-    i: NDArray[np.int64],
-    j: NDArray[np.int64],
-    looks: Array,
-    config: ConstellationConfig,
+    a: Proposals, b: Proposals, i: NDArray[np.int64], j: NDArray[np.int64], alike: Array
 ) -> Array:
     """Relative poses (k, 3) x, y, heading from two candidates each, the more alike more often."""
     if len(i) < 2:
         return np.empty((0, 3))
     draws = generator(0, "constellation", len(i))
-    share = 1 / (1 + np.exp(-looks))
+    share = 1 / (1 + np.exp(-alike))
     share /= share.sum()
-    first, second = draws.choice(len(i), size=(2, config.guesses), p=share)
+    first, second = draws.choice(len(i), size=(2, _GUESSES), p=share)
     fair = (i[first] != i[second]) & (j[first] != j[second])
     first, second = first[fair], second[fair]
     from_a = a.xy_m[i[second]] - a.xy_m[i[first]]
@@ -184,41 +169,26 @@ def _guesses(
     middle_a = (a.xy_m[i[first]] + a.xy_m[i[second]]) / 2
     middle_b = (b.xy_m[j[first]] + b.xy_m[j[second]]) / 2
     shift = middle_a - _turned(middle_b, heading)
-    near = np.hypot(*shift.T) < config.reach_m
+    near = np.hypot(*shift.T) < _REACH_M
     return np.column_stack([shift, heading])[near]
 
 
-def _support(
-    poses: Array,
-    places_a: Array,
-    places_b: Array,
-    shape_a: Array,
-    shape_b: Array,
-    looks: Array,
-    owner: NDArray[np.int64],
-    config: ConstellationConfig,
-) -> Array:
+def _support(poses: Array, candidates: Alike) -> Array:
     """Log-likelihood ratio of each pose (k,): what A's proposals say of it, each heard once."""
-    place = _place(poses, places_a, places_b, shape_a, shape_b, config)
-    gain = np.logaddexp(0.0, np.minimum(looks, 4.0) + place)
+    places_a, places_b, alike, owner = candidates
+    gain = np.logaddexp(0.0, np.minimum(alike, 4.0) + _place(poses, places_a, places_b))
     order = np.argsort(owner, kind="stable")
     starts = np.flatnonzero(np.r_[True, np.diff(owner[order]) > 0])
     found: Array = np.maximum.reduceat(gain[:, order], starts, axis=1).sum(axis=1)
     return found
 
 
-def _place(
-    poses: Array,
-    places_a: Array,
-    places_b: Array,
-    shape_a: Array,
-    shape_b: Array,
-    config: ConstellationConfig,
-) -> Array:
+def _place(poses: Array, a: _Places, b: _Places) -> Array:
     """Log of how much more likely two places are, under each pose (k,), for one thing than for two.
 
-    Places (..., 2) in their robots' frames with covariances (..., 2, 2): (k, ...).
+    (k, ...) for places (..., 2).
     """
+    places_a, places_b, shape_a, shape_b = a.xy_m, b.xy_m, a.covariance, b.covariance
     dims = max(places_a.ndim, places_b.ndim) - 1
     x, y, heading = poses.T.reshape(3, len(poses), *(1,) * dims)
     c, s = np.cos(heading), np.sin(heading)
@@ -233,29 +203,22 @@ def _place(
     q = shape_a[..., 0, 1] + 2 * c * s * half + (c * c - s * s) * mixed
     determinant = p * r - q * q
     square = (r * x * x - 2 * q * x * y + p * y * y) / determinant
-    found: Array = np.log(config.area_m2 / (2 * np.pi)) - 0.5 * (np.log(determinant) + square)
+    found: Array = np.log(_AREA_M2 / (2 * np.pi)) - 0.5 * (np.log(determinant) + square)
     return found.clip(-30.0, None)
 
 
-def _settle(
-    pose: Array,
-    places_a: Array,
-    places_b: Array,
-    shape_a: Array,
-    shape_b: Array,
-    looks: Array,
-    config: ConstellationConfig,
-) -> tuple[Array, Array]:
+def _settle(pose: Array, candidates: Alike) -> tuple[Array, Array]:
     """The pose by least squares over the candidates that it makes likely, and its covariance."""
+    a, b, alike, _ = candidates
     pose, normal = pose.copy(), np.eye(3)
     for _ in range(6):
-        place = _place(pose[None], places_a, places_b, shape_a, shape_b, config)[0]
-        weight = 1 / (1 + np.exp(-(np.minimum(looks, 4.0) + place)))
+        place = _place(pose[None], a, b)[0]
+        weight = 1 / (1 + np.exp(-(np.minimum(alike, 4.0) + place)))
         turn = _rotations(pose[2:])[0]
-        x, y = (places_b @ turn.T).T
-        off_x, off_y = (places_a - pose[:2]).T - (x, y)
+        x, y = (b.xy_m @ turn.T).T
+        off_x, off_y = (a.xy_m - pose[:2]).T - (x, y)
         # weight times the inverse of the sum of covariances, written out: p q / q r
-        unsure = shape_a + turn @ shape_b @ turn.T
+        unsure = a.covariance + turn @ b.covariance @ turn.T
         r, q, p = unsure[:, 0, 0], -unsure[:, 0, 1], unsure[:, 1, 1]
         p, q, r = np.array([p, q, r]) * (weight / (p * r - q * q))
         # by how much x, y and heading pull, and (the mixed terms once) how strongly they are held
@@ -270,28 +233,29 @@ def _settle(
     return pose, np.asarray(np.linalg.inv(normal), dtype=float)
 
 
-def _distinct(poses: Array, support: Array, n: int) -> list[int]:
-    """The n best supported poses, none near a better one."""
+def _distinct(poses: Array, support: Array) -> list[int]:
+    """The best supported poses, none near a better one."""
     chosen: list[int] = []
-    for k in np.argsort(-support, kind="stable")[: 40 * n]:
+    for k in np.argsort(-support, kind="stable")[: 40 * _KEPT]:
         apart_m = [np.hypot(*(poses[k, :2] - poses[c, :2])) for c in chosen]
         turned = [abs(float(wrap_angle_rad(poses[k, 2] - poses[c, 2]))) for c in chosen]
         if all(m > 1.5 or t > 0.15 for m, t in zip(apart_m, turned, strict=True)):
             chosen.append(int(k))
-        if len(chosen) == n:
+        if len(chosen) == _KEPT:
             break
     return chosen
 
 
-def _covariances(found: Proposals, loosen: float) -> Array:
-    """How unsure the places are, robot's frame: (n, 2, 2)."""
+def _places(found: Proposals) -> _Places:
+    """Where proposals are, and how unsure that is."""
     along = np.stack([np.cos(found.bearing_rad), np.sin(found.bearing_rad)], axis=1)
     across = np.stack([-along[:, 1], along[:, 0]], axis=1)
-    deep = (loosen * found.range_std * found.range_m) ** 2 + 0.1**2
-    wide = (loosen * found.bearing_std_rad * found.range_m) ** 2 + 0.1**2
-    return (
+    deep = (found.range_std * found.range_m) ** 2 + 0.1**2
+    wide = (found.bearing_std_rad * found.range_m) ** 2 + 0.1**2
+    return _Places(
+        found.xy_m,
         deep[:, None, None] * along[:, :, None] * along[:, None, :]
-        + wide[:, None, None] * across[:, :, None] * across[:, None, :]
+        + wide[:, None, None] * across[:, :, None] * across[:, None, :],
     )
 
 

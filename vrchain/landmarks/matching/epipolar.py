@@ -22,6 +22,8 @@ from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
 Real = NDArray[np.floating]
+Matches = tuple[Array, Array, Array, Array]
+"""Bearings and slopes from A, then from B, (m,) each."""
 
 _SAMPLES, _AT_ONCE = 800, 100
 _MISSED = 1e-4  # probability that no sample yet held two right matches, at which it is enough
@@ -67,81 +69,34 @@ class PlanarGeometry:
             return np.inf, np.inf
         return abs(float(np.sin(db) / parallax)), abs(float(np.sin(da) / parallax))
 
-    def obeyed(
-        self,
-        bearing_a_rad: Array,
-        slope_a: Array,
-        bearing_b_rad: Array,
-        slope_b: Array,
-        tolerance_rad: float = _TOLERANCE_RAD,
-    ) -> NDArray[np.bool_]:
-        """Which matches, directions (n,) from A and from B, may show one point: (n,)."""
+    def obeyed(self, a: Array, b: Array, tolerance_rad: float) -> NDArray[np.bool_]:
+        """Which matches, directions (n, 2) from A and from B, may show one point: (n,)."""
         theta = np.array([self.direction_rad])
-        matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
-        return _inliers(theta, theta - self.heading_rad, *matches, tolerance_rad)[0]
-
-    def from_a(self, directions: Array) -> NDArray[np.float32]:
-        """Directions (n, 2), bearing_rad and slope, from A, for ``may_meet``."""
-        return _seen(directions[:, 0] - self.direction_rad, directions[:, 1])
-
-    def from_b(self, directions: Array) -> NDArray[np.float32]:
-        """Directions (n, 2), bearing_rad and slope, from B, for ``may_meet``."""
-        return _seen(directions[:, 0] - self.direction_rad + self.heading_rad, directions[:, 1])
-
-
-def _seen(from_baseline_rad: Array, slope: Array) -> NDArray[np.float32]:
-    found = [np.sin(from_baseline_rad), np.cos(from_baseline_rad), slope]
-    return np.stack(found, axis=1).astype(np.float32)
-
-
-def may_meet(
-    a: NDArray[np.float32], b: NDArray[np.float32], tolerance_rad: float
-) -> NDArray[np.bool_]:
-    """Which pairs of directions, (n, 3) each from A and from B, may show one point: (n,)."""
-    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T, b.T
-    return one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
-
-
-def sampson_terms(
-    a: NDArray[np.float32], b: NDArray[np.float32]
-) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Terms (n, 6), (m, 6) of directions from A and from B, for many Sampson distances at once.
-
-    The product of the first two is the residual, of the others the square of its scale.
-    """
-    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T, b.T
-    of_a = [sin_a, -t_a, sin_a**2, np.ones_like(t_a), cos_a**2, t_a**2]
-    of_b = [t_b, sin_b, np.ones_like(t_b), sin_b**2, t_b**2, cos_b**2]
-    return np.stack(of_a, axis=1), np.stack(of_b, axis=1)
+        return _inliers(theta, theta - self.heading_rad, _matches(a, b), tolerance_rad)[0]
 
 
 def estimate(
-    bearing_a_rad: Array,
-    slope_a: Array,
-    bearing_b_rad: Array,
-    slope_b: Array,
-    min_inliers: int = 8,
-    tolerance_rad: float = _TOLERANCE_RAD,
+    a: Array, b: Array, min_inliers: int = 8, tolerance_rad: float = _TOLERANCE_RAD
 ) -> PlanarGeometry | None:
-    """Two-view geometry of upright cameras from matched directions, each (m,); None if unclear."""
-    n = len(bearing_a_rad)
-    if n < max(2, min_inliers):
+    """Two-view geometry of upright cameras from matched directions; None if unclear.
+
+    a, b: (m, 2) bearing_rad and slope of each match from A and from B.
+    """
+    if len(a) < max(2, min_inliers):
         return None
-    a = np.stack([slope_b * np.sin(bearing_a_rad), -slope_b * np.cos(bearing_a_rad)], axis=1)
-    b = np.stack([slope_a * np.sin(bearing_b_rad), -slope_a * np.cos(bearing_b_rad)], axis=1)
-    matches = bearing_a_rad, slope_a, bearing_b_rad, slope_b
-    likely = _likely(a, b, matches, tolerance_rad)
+    matches = _matches(a, b)
+    likely = _likely(matches, tolerance_rad)
     if len(likely) == 0:
         return None
-    counts = _inliers(likely[:, 0], likely[:, 1], *matches, tolerance_rad).sum(axis=1)
+    counts = _inliers(likely[:, 0], likely[:, 1], matches, tolerance_rad).sum(axis=1)
     angles = likely[counts.argmax()]
     std_rad = np.inf
     for _ in range(_POLISH_STEPS):
-        inliers = _inliers(angles[:1], angles[1:], *matches, tolerance_rad)[0]
+        inliers = _inliers(angles[:1], angles[1:], matches, tolerance_rad)[0]
         if inliers.sum() < min_inliers:
             return None
-        angles, std_rad = _polish(angles, a, b, matches, inliers)
-    inliers = _inliers(angles[:1], angles[1:], *matches, tolerance_rad)[0]
+        angles, std_rad = _polish(angles, matches, inliers)
+    inliers = _inliers(angles[:1], angles[1:], matches, tolerance_rad)[0]
     if inliers.sum() < min_inliers:
         return None
     direction, heading = (float(wrap_angle_rad(a)) for a in (angles[0], angles[0] - angles[1]))
@@ -150,14 +105,20 @@ def estimate(
     return PlanarGeometry(direction, heading, inliers, std_rad, baseline)
 
 
-def _likely(
-    a: Array, b: Array, matches: tuple[Array, Array, Array, Array], tolerance_rad: float
-) -> Array:
+def _matches(a: Array, b: Array) -> Matches:
+    alpha, t_a, beta, t_b = np.ascontiguousarray(np.hstack([a, b]).T)
+    return alpha, t_a, beta, t_b
+
+
+def _likely(matches: Matches, tolerance_rad: float) -> Array:
     """The hypotheses (theta, psi), (k, 2), that most of some matches obey.
 
     Where many matches are right, few hypotheses are enough (Fischler and Bolles, equation 3).
     """
-    n = len(a)
+    bearing_a, slope_a, bearing_b, slope_b = matches
+    a = np.stack([slope_b * np.sin(bearing_a), -slope_b * np.cos(bearing_a)], axis=1)
+    b = np.stack([slope_a * np.sin(bearing_b), -slope_a * np.cos(bearing_b)], axis=1)
+    n = len(bearing_a)
     pairs = generator(0, "epipolar", n).integers(0, n, (_SAMPLES, 2))
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     heard = generator(0, "heard", n).permutation(n)[:_HEARD]
@@ -209,16 +170,9 @@ def _from_two(a: Array, b: Array) -> tuple[Array, Array]:
     return np.concatenate([theta, theta + np.pi]), np.concatenate([psi, psi + np.pi])
 
 
-def _inliers(
-    theta: Real,
-    psi: Real,
-    alpha: Real,
-    t_a: Real,
-    beta: Real,
-    t_b: Real,
-    tolerance_rad: float,
-) -> NDArray[np.bool_]:
+def _inliers(theta: Array, psi: Array, matches: Matches, tolerance_rad: float) -> NDArray[np.bool_]:
     """(k hypotheses, m matches) bool: small Sampson distance, and the point in front of both."""
+    alpha, t_a, beta, t_b = matches
     (sin_a, cos_a), (sin_b, cos_b) = _turned(alpha, theta), _turned(beta, psi)
     return one_point(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
 
@@ -259,21 +213,21 @@ def _triangle(
     return close, along, sin_a * parallax, sin_b * parallax
 
 
-def _polish(
-    angles: Array,
-    a: Array,
-    b: Array,
-    matches: tuple[Array, Array, Array, Array],
-    inliers: NDArray[np.bool_],
-) -> tuple[Array, float]:
+def sampson(da: Array, t_a: Array, db: Array, t_b: Array) -> tuple[Array, Array]:
+    """Sampson distances of matches (m,) from the constraint, and their scale.
+
+    da, db: bearings from A and from B, counted from the baseline; t_a, t_b: slopes.
+    """
+    sin_a, sin_b = np.sin(da), np.sin(db)
+    scale = np.sqrt(sin_a**2 + sin_b**2 + (t_b * np.cos(da)) ** 2 + (t_a * np.cos(db)) ** 2)
+    return (t_b * sin_a - t_a * sin_b) / scale, scale
+
+
+def _polish(angles: Array, matches: Matches, inliers: NDArray[np.bool_]) -> tuple[Array, float]:
     """One Gauss-Newton step on the Sampson distances of the inliers; also theta's deviation."""
-    theta, psi = angles
     alpha, t_a, beta, t_b = (x[inliers] for x in matches)
-    da, db = alpha - theta, beta - psi
-    scale = np.sqrt(
-        np.sin(da) ** 2 + np.sin(db) ** 2 + (t_b * np.cos(da)) ** 2 + (t_a * np.cos(db)) ** 2
-    )
-    residual = (t_b * np.sin(da) - t_a * np.sin(db)) / scale
+    da, db = alpha - angles[0], beta - angles[1]
+    residual, scale = sampson(da, t_a, db, t_b)
     jacobian = np.stack([-t_b * np.cos(da), t_a * np.cos(db)], axis=1) / scale[:, None]
     normal = jacobian.T @ jacobian + 1e-12 * np.eye(2)
     covariance = np.linalg.inv(normal) * (residual @ residual) / max(1, len(residual) - 2)

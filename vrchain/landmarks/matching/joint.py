@@ -1,13 +1,12 @@
-"""Common landmarks by what they look like and where they stand; with SIFT, or without.
+"""Common landmarks by appearance and by where they stand; with SIFT, or without.
 
-Proposals of the two panoramas are joined by ``constellation``. Keypoints matched by SIFT and spots
-matched by what the network makes of them obey one relative pose and say it more exactly. Under it
-they are matched again inside joined proposals. Each joined pair is a claim, scored by the
-probability that it is right.
+Proposals of the two panoramas are joined by ``constellation``. Keypoints and spots that match
+obey one relative pose and say it more exactly. Under it they are matched again inside joined
+proposals. Each joined pair is a claim, scored by the probability that it is right.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,30 +17,41 @@ from vrchain.landmarks.extraction.proposer import Proposals, overlaps
 from vrchain.landmarks.extraction.raster import directions_of
 from vrchain.landmarks.extraction.record import LandmarkRecord, owners
 from vrchain.landmarks.extraction.sift import mutual_matches
-from vrchain.landmarks.extraction.spots import Matched, Spots, by_owner, matched, matched_within
-from vrchain.landmarks.matching.calibration import Calibration, load_calibration
+from vrchain.landmarks.matching.calibration import (
+    LEAST_CLAIM,
+    Calibration,
+    chance_joined,
+    load_calibration,
+)
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region, view_boxes
-from vrchain.landmarks.matching.consistency import LEAST_CLAIM, chance_joined
 from vrchain.landmarks.matching.constellation import (
     Constellation,
-    ConstellationConfig,
-    by_looks,
+    by_appearance,
     join,
     join_along,
     one_to_one,
 )
 from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
-from vrchain.landmarks.matching.guided import matched_under
+from vrchain.landmarks.matching.guided import (
+    NO_MATCH,
+    Matched,
+    by_owner,
+    keypoints_within,
+    spots_anywhere,
+    spots_within,
+)
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
-_NONE = np.empty(0, dtype=np.int64)
-_NO_SPOTS = 0.5  # how much it speaks against a pair that it shares no spot, in log-odds
 
-FEATURES = (
-    "looks", "place", "evidence", "rival", "matches", "doubt_a", "doubt_b", "range", "tied",
-    "spots", "spots_share", "spots_alike", "spots_anywhere", "share_a", "share_b", "agreed",
-)  # fmt: skip
+_LARGEST, _RATIO_ANYWHERE = 700, 0.8  # keypoints that are matched all over, and their ratio test
+_RATIO = 0.85  # of the ratio test within a pair
+_TOLERANCE_RAD = 0.008  # of keypoints and spots that are matched all over, under one relative pose
+_MIN_INLIERS = 8
+_SURE_INLIERS = 60  # from which the relative pose that they agree on is beyond doubt
+_AGREE_RAD = 0.2  # what fewer agree on must be this near to what proposals say
+_NO_SPOTS = 0.5  # how much it speaks against a pair that it shares no spot, in log-odds
+_SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
 
 
 @dataclass(frozen=True)
@@ -50,21 +60,10 @@ class JointConfig:
 
     sift: bool = True  # whether keypoints take part
     spots: bool = True  # whether single spots do
-    embedding: bool = True  # whether looks do; without, by places alone
-    geometry: bool = True  # whether places do; without, by looks alone
-    ratio: float = 0.85  # nearest over second nearest descriptor distance, within a pair
-    anywhere: int = 700  # largest keypoints that are matched all over, for the relative pose
-    ratio_anywhere: float = 0.8
-    min_inliers: int = 8
-    sure_inliers: int = 60  # matches that agree on a relative pose, from which it is beyond doubt
-    agree_rad: float = 0.2  # what fewer agree on must be this near to what proposals say
-    tolerance_rad: float = 0.008  # of matches, keypoints and spots, under one relative pose
-    guided_rad: float = 0.005  # ... of keypoints, once the relative pose is known
-    alike_descriptors: float = 300.0  # distance of descriptors of keypoints that match
-    same_box: float = 0.4  # intersection over union from which two claims are of one landmark
+    embedding: bool = True  # whether appearance does; without, by places alone
+    geometry: bool = True  # whether places do; without, by appearance alone
     min_score: float = 0.75  # claims less likely than this to be right are not made
     min_joined: float = 0.5  # nor any of panoramas less likely than this to be joined rightly
-    constellation: ConstellationConfig = field(default_factory=ConstellationConfig)
 
     @property
     def name(self) -> str:
@@ -73,6 +72,20 @@ class JointConfig:
         parts = [*(("sift", "spots") if verified else ()), "embedding", "geometry"]
         left_out = [part for part in parts if not getattr(self, part)]
         return ", no ".join(["cnn+sift" if verified else "cnn", *left_out])
+
+
+JOINT = {
+    config.name: config
+    for config in (
+        JointConfig(sift=False, spots=False),
+        JointConfig(),
+        JointConfig(sift=False),
+        JointConfig(spots=False),
+        JointConfig(embedding=False),
+        JointConfig(geometry=False),
+    )
+}
+"""The default, and what it is with something left out, by their names in tables."""
 
 
 def compare_joint(
@@ -98,7 +111,7 @@ def compare_joint(
         return Comparison((), None)
     worth = calibration.claims[config.name]
     score = worth.probability(found.features)
-    own = distinct(a, b, found.pairs, score, config)
+    own = distinct(a, b, found.pairs, score)
     heard = [score[k] for k in own if score[k] >= LEAST_CLAIM]
     few = min(len(a.proposals), len(b.proposals))
     chance = chance_joined(heard, few, found.geometry)
@@ -117,8 +130,8 @@ class Candidates:
 
     pairs: NDArray[np.int64]
     features: Array
-    support: tuple[Matched, ...]
-    spots: tuple[Matched, ...]
+    support: list[Matched]
+    spots: list[Matched]
     geometry: PlanarGeometry | None
 
 
@@ -126,31 +139,31 @@ def candidates(
     a: LandmarkRecord, b: LandmarkRecord, config: JointConfig, calibration: Calibration
 ) -> Candidates | None:
     """What may be claimed of two panoramas, before it is scored; None: nothing."""
-    looks = np.zeros((len(a.proposals), len(b.proposals)))
+    appearance = np.zeros((len(a.proposals), len(b.proposals)))
     if config.embedding:
-        looks = calibration.looks(a.proposals.embedding @ b.proposals.embedding.T)
-    anywhere = np.zeros(looks.shape)
-    joined: Constellation | None = by_looks(looks)
+        appearance = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
+    anywhere = np.zeros(appearance.shape)
+    joined: Constellation | None = by_appearance(appearance)
     geometry = exact = None
     if config.geometry:
-        spots = matched(a.spots, b.spots) if config.spots else (_NONE, _NONE)
+        spots = spots_anywhere(a.spots, b.spots) if config.spots else NO_MATCH
         exact = _exact(a, b, spots, config)
-        sure = exact is not None and exact.inliers.sum() >= config.sure_inliers
-        own = a.proposals, b.proposals, looks, config.constellation
+        sure = exact is not None and exact.inliers.sum() >= _SURE_INLIERS
+        own = a.proposals, b.proposals, appearance
         if exact and sure:
             joined = join_along(exact.direction_rad, exact.heading_rad, *own)
         else:
             joined = join(*own)
         if joined is not None:
             geometry = _geometry_of(joined, a.rig)
-        if geometry and exact and (sure or _agree(exact, geometry, config.agree_rad)):
+        if geometry and exact and (sure or _agree(exact, geometry)):
             geometry = exact = replace(exact, baseline_heights=geometry.baseline_heights)
-            anywhere = _shared(a, b, spots, exact, config)
+            anywhere = _shared(a, b, spots, exact)
         else:
             exact = None
     if joined is None:
         return None
-    gain = joined.looks + joined.place
+    gain = joined.appearance + joined.place
     if exact and config.spots:
         gain += np.log1p(anywhere) - _NO_SPOTS
     pairs = one_to_one(gain)
@@ -158,15 +171,14 @@ def candidates(
         return None
     i, j = pairs.T
     inside = _inside(a, b, pairs)
-    if exact:
-        support = _guided(a, b, inside, exact, config) if config.sift else []
-        within = matched_within(a.spots, b.spots, pairs, exact) if config.spots else []
-    else:
-        alone = config.sift and not config.geometry
-        support = [_matched(a, b, own, config.ratio) for own in inside] if alone else []
-        within = []
-    support = support or [(_NONE, _NONE)] * len(pairs)
-    within = within or [(_NONE, _NONE, np.empty(0, dtype=np.float32))] * len(pairs)
+    support = [NO_MATCH] * len(pairs)
+    within = [(*NO_MATCH, np.empty(0, dtype=np.float32))] * len(pairs)
+    if exact and config.sift:
+        support = keypoints_within(a.features, b.features, inside, exact)
+    elif config.sift and not config.geometry:
+        support = [_matched(a, b, own, _RATIO) for own in inside]
+    if exact and config.spots:
+        within = spots_within(a.spots, b.spots, pairs, exact)
     rivals = gain.copy()
     rivals[i, j] = -np.inf
     rival = np.maximum(rivals[i].max(axis=1), rivals[:, j].max(axis=0)).clip(-30, 30)
@@ -176,7 +188,7 @@ def candidates(
     )
     features = np.column_stack(
         [
-            joined.looks[i, j].clip(-10, 10),
+            joined.appearance[i, j].clip(-10, 10),
             joined.place[i, j].clip(-10, 10),
             np.full(len(pairs), np.log1p(max(0.0, joined.evidence))),
             np.log1p(np.exp(-np.clip(gain[i, j] - rival, -20, 20))),
@@ -194,17 +206,11 @@ def candidates(
             np.full(len(pairs), np.log1p(int(exact.inliers.sum()) if exact else 0)),
         ]
     )
-    return Candidates(
-        pairs, features, tuple(support), tuple((w[0], w[1]) for w in within), geometry
-    )
+    return Candidates(pairs, features, support, [(w[0], w[1]) for w in within], geometry)
 
 
 def distinct(
-    a: LandmarkRecord,
-    b: LandmarkRecord,
-    pairs: NDArray[np.int64],
-    score: Array,
-    config: JointConfig,
+    a: LandmarkRecord, b: LandmarkRecord, pairs: NDArray[np.int64], score: Array
 ) -> list[int]:
     """Which of the pairs (n, 2) stay, surest first: none overlaps with a surer one in A or in B.
 
@@ -214,7 +220,7 @@ def distinct(
     for record, index in zip((a, b), pairs.T, strict=True):
         right, left, low, high = record.proposals.box[index].T
         boxes = np.stack([-left, -high, -right, -low], axis=1)
-        same |= overlaps(boxes, boxes, 2 * np.pi) > config.same_box
+        same |= overlaps(boxes, boxes, 2 * np.pi) > _SAME_BOX
     kept: list[int] = []
     for k in map(int, np.argsort(-score, kind="stable")):
         if not same[k, kept].any():
@@ -244,12 +250,6 @@ def _inside(a: LandmarkRecord, b: LandmarkRecord, pairs: NDArray[np.int64]) -> l
     return [(own_a[i], own_b[j]) for i, j in pairs]
 
 
-def _anywhere(a: LandmarkRecord, b: LandmarkRecord, config: JointConfig) -> Matched:
-    """Keypoints that match all over, the largest: they say most of the relative pose."""
-    own = tuple(np.argsort(-r.features.size_rad, kind="stable")[: config.anywhere] for r in (a, b))
-    return _matched(a, b, (own[0], own[1]), config.ratio_anywhere)
-
-
 def _matched(a: LandmarkRecord, b: LandmarkRecord, own: Matched, ratio: float) -> Matched:
     described_a, described_b = a.features.descriptors[own[0]], b.features.descriptors[own[1]]
     ia, ib = mutual_matches(described_a, described_b, ratio)
@@ -257,66 +257,33 @@ def _matched(a: LandmarkRecord, b: LandmarkRecord, own: Matched, ratio: float) -
 
 
 def _exact(
-    a: LandmarkRecord,
-    b: LandmarkRecord,
-    spots: Matched,
-    config: JointConfig,
+    a: LandmarkRecord, b: LandmarkRecord, spots: Matched, config: JointConfig
 ) -> PlanarGeometry | None:
-    """The relative pose by matched keypoints and spots."""
-    ia, ib = _anywhere(a, b, config) if config.sift else (_NONE, _NONE)
-    fa, fb, sa, sb = a.features.take(ia), b.features.take(ib), *_taken(a, b, spots)
-    return estimate(
-        np.concatenate([fa.bearing_rad, sa.bearing_rad]), np.concatenate([fa.slope, sa.slope]),
-        np.concatenate([fb.bearing_rad, sb.bearing_rad]), np.concatenate([fb.slope, sb.slope]),
-        config.min_inliers, config.tolerance_rad,
-    )  # fmt: skip
+    """The relative pose by matched spots and keypoints, of which the largest say most."""
+    keypoints = NO_MATCH
+    if config.sift:
+        of_a, of_b = (np.argsort(-r.features.size_rad, kind="stable")[:_LARGEST] for r in (a, b))
+        keypoints = _matched(a, b, (of_a, of_b), _RATIO_ANYWHERE)
+    seen_a, seen_b = (
+        np.concatenate([r.features.directions[own], r.spots.directions[of_spots]])
+        for r, own, of_spots in zip((a, b), keypoints, spots, strict=True)
+    )
+    return estimate(seen_a, seen_b, _MIN_INLIERS, _TOLERANCE_RAD)
 
 
-def _taken(a: LandmarkRecord, b: LandmarkRecord, spots: Matched) -> tuple[Spots, Spots]:
-    return a.spots.take(spots[0]), b.spots.take(spots[1])
-
-
-def _shared(
-    a: LandmarkRecord,
-    b: LandmarkRecord,
-    spots: Matched,
-    exact: PlanarGeometry,
-    config: JointConfig,
-) -> Array:
+def _shared(a: LandmarkRecord, b: LandmarkRecord, spots: Matched, exact: PlanarGeometry) -> Array:
     """How many matched spots obey the relative pose, by the proposals they lie in: (n_a, n_b)."""
-    sa, sb = _taken(a, b, spots)
-    good = exact.obeyed(sa.bearing_rad, sa.slope, sb.bearing_rad, sb.slope, config.tolerance_rad)
+    seen_a, seen_b = a.spots.take(spots[0]), b.spots.take(spots[1])
+    good = exact.obeyed(seen_a.directions, seen_b.directions, _TOLERANCE_RAD)
     found = np.zeros((len(a.proposals), len(b.proposals)))
-    np.add.at(found, (sa.owner[good], sb.owner[good]), 1)
+    np.add.at(found, (seen_a.owner[good], seen_b.owner[good]), 1)
     return found
 
 
-def _guided(
-    a: LandmarkRecord,
-    b: LandmarkRecord,
-    inside: list[Matched],
-    geometry: PlanarGeometry,
-    config: JointConfig,
-) -> list[Matched]:
-    """Of each pair's keypoints those that match where the relative pose lets them."""
-    wide_a, wide_b = (r.features.descriptors.astype(np.float32) for r in (a, b))
-    square_a, square_b = ((wide**2).sum(axis=1) for wide in (wide_a, wide_b))
-
-    def alike(ia: NDArray[np.int64], ib: NDArray[np.int64]) -> NDArray[np.float32]:
-        product = wide_a[ia] @ wide_b[ib].T
-        return np.asarray(2 * product - square_a[ia][:, None] - square_b[ib])
-
-    found = matched_under(
-        geometry, a.features.directions, b.features.directions, inside, alike,
-        -(config.alike_descriptors**2), config.guided_rad,
-    )  # fmt: skip
-    return [(ia, ib) for ia, ib, _ in found]
-
-
-def _agree(exact: PlanarGeometry, rough: PlanarGeometry, within_rad: float) -> bool:
+def _agree(exact: PlanarGeometry, rough: PlanarGeometry) -> bool:
     turned = abs(float(wrap_angle_rad(exact.heading_rad - rough.heading_rad)))
     aside = abs(float(wrap_angle_rad(exact.direction_rad - rough.direction_rad)))
-    return turned < within_rad and aside < within_rad + 3 * rough.direction_std_rad
+    return turned < _AGREE_RAD and aside < _AGREE_RAD + 3 * rough.direction_std_rad
 
 
 def claims_of(
@@ -328,21 +295,11 @@ def claims_of(
     made = []
     for k, (i, j), region_a, region_b in zip(chosen, own.tolist(), *regions, strict=True):
         bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
-        support_a, support_b = found.support[k]
-        spots_a, spots_b = found.spots[k]
-        made.append(
-            CommonLandmark(
-                float(score[k]),
-                region_a,
-                region_b,
-                support_a,
-                support_b,
-                found.geometry.ranges(*bearings) if found.geometry else None,
-                _spoken_for(a, i, spots_a, support_a),
-                _spoken_for(b, j, spots_b, support_b),
-                len(spots_a),
-            )
-        )
+        (support_a, support_b), (spots_a, spots_b) = found.support[k], found.spots[k]
+        ranges = found.geometry.ranges(*bearings) if found.geometry else None
+        masks = _spoken_for(a, i, spots_a, support_a), _spoken_for(b, j, spots_b, support_b)
+        regions_k = region_a, region_b, support_a, support_b
+        made.append(CommonLandmark(float(score[k]), *regions_k, ranges, *masks, len(spots_a)))
     return made
 
 

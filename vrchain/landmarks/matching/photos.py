@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from vrchain.errors import ImageError
 from vrchain.landmarks.extraction.sift import Keypoints, detect, mutual_matches, root
-from vrchain.landmarks.extraction.sky import sky_mask
 from vrchain.landmarks.matching.common import (
     CommonLandmark,
     Comparison,
@@ -26,12 +25,16 @@ from vrchain.landmarks.matching.variants import DEFAULT, compared, variant_named
 from vrchain.panorama import CameraRig, Panorama, read_image
 from vrchain.seeding import generator
 
+Index = NDArray[np.int64]
+Matched = tuple[Index, Index]
+
 _LONGEST_SIDE_PX = 1000
 _LEAST_SIDE_PX = 16
 _LEAST_MATCHES = 8  # from which a fundamental matrix is sought
-_GROUP_SHARE = (
-    0.12  # of the longest side: matches nearer than this in both pictures belong together
-)
+_GROUP_SHARE = 0.12  # of the longest side: matches nearer than this in both belong together
+_PLAIN, _SOFT = 3.0, 16.0  # grey levels a pixel: steps of no cloud, and of clouds of a sky's colour
+_BRIGHT, _WARM = 140, 5  # blue at least, and how much more red than that it may have
+_BLUR_PX = 1.0, 1.5  # before steps and colours are looked at
 
 
 @dataclass(frozen=True)
@@ -53,16 +56,11 @@ class PhotoConfig:
     sky: bool = False  # whether what matches in the sky counts
 
 
+# what most tutorials do
 PLAIN = PhotoConfig(
-    root=False,
-    ratio=0.8,
-    either=False,
-    tolerance_px=1.5,
-    min_inliers=20,
-    min_support=8,
-    shuffles=0,
-    sky=True,
-)  # what most tutorials do
+    root=False, ratio=0.8, either=False, tolerance_px=1.5, min_inliers=20, min_support=8,
+    shuffles=0, sky=True,
+)  # fmt: skip
 
 
 def photo_landmarks(
@@ -103,9 +101,26 @@ def described(image_rgb: NDArray[np.uint8]) -> Described:
     return Described((height, width), found, scale, sky_mask(image_rgb)[row, column])
 
 
-def agreeing(
-    a: Described, b: Described, config: PhotoConfig
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+def sky_mask(image_rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
+    """Pixels (h, w) of sky in a picture (h, w, 3) of about 1,000 pixels.
+
+    Its clouds move, and stand above every place, so they mark none. Sky is what can be reached from
+    the upper edge without a sharp step: a building's edges stop it, clouds do not, as long as they
+    are grey or bluish and bright. On rendered views under painted clouds (seed 1000) it covers 0.95
+    of the keypoints in the sky, and 0.005 of the others.
+    """
+    grey = cv2.cvtColor(image_rgb, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    grey = cv2.GaussianBlur(grey, (0, 0), _BLUR_PX[0]).astype(np.float32)
+    across, down = (cv2.Sobel(grey, -1, x, 1 - x, scale=1 / 8) for x in (1, 0))
+    step = cv2.dilate(cv2.magnitude(across, down), np.ones((3, 3), dtype=np.uint8))
+    red, green, blue = cv2.split(cv2.GaussianBlur(image_rgb, (0, 0), _BLUR_PX[1]).astype(np.int16))
+    cool = (blue >= red - _WARM) & (blue >= green - _WARM) & (blue >= _BRIGHT)
+    smooth = (step < _PLAIN) | (step < _SOFT) & cool
+    _, part = cv2.connectedComponents(smooth.astype(np.uint8), connectivity=4)
+    return np.asarray(smooth & np.isin(part, part[0][smooth[0]]))
+
+
+def agreeing(a: Described, b: Described, config: PhotoConfig) -> Matched:
     """Indices (m,), (m,) of matched keypoints that obey one fundamental matrix."""
     ia, ib = _matches(a, b, config)
     inlier = _obeying(a, b, ia, ib, config)
@@ -114,22 +129,13 @@ def agreeing(
     return ia[counted], ib[counted]
 
 
-def _matches(
-    a: Described, b: Described, config: PhotoConfig
-) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    known_a, known_b = (
-        root(d.keypoints.descriptors) if config.root else d.keypoints.descriptors for d in (a, b)
-    )
+def _matches(a: Described, b: Described, config: PhotoConfig) -> Matched:
+    known = (d.keypoints.descriptors for d in (a, b))
+    known_a, known_b = (root(k) if config.root else k for k in known)
     return mutual_matches(known_a, known_b, config.ratio, config.either)
 
 
-def _obeying(
-    a: Described,
-    b: Described,
-    ia: NDArray[np.int64],
-    ib: NDArray[np.int64],
-    config: PhotoConfig,
-) -> NDArray[np.int64]:
+def _obeying(a: Described, b: Described, ia: Index, ib: Index, config: PhotoConfig) -> Index:
     """Which matches obey the fundamental matrix that most obey."""
     mask = None
     if len(ia) >= _LEAST_MATCHES:
@@ -164,13 +170,11 @@ def claims_of(
         a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], _GROUP_SHARE * _LONGEST_SIDE_PX
     )
     large = [members for members in groups if len(members) >= config.min_support]
-    claims = [
-        CommonLandmark(
-            support_score(len(members)), _region(a, ia[members]), _region(b, ib[members]),
-            ia[members], ib[members],
-        )
-        for members in large or [np.arange(len(ia))]
-    ]  # fmt: skip
+    claims = []
+    for members in large or [np.arange(len(ia))]:
+        own = ia[members], ib[members]
+        regions = _region(a, own[0]), _region(b, own[1])
+        claims.append(CommonLandmark(support_score(len(members)), *regions, *own))
     return tuple(sorted(claims, key=lambda c: -c.score))
 
 
@@ -204,7 +208,9 @@ def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> 
     if isinstance(left, Panorama) and isinstance(right, Panorama):
         found = compared(chosen or variant_named(variant), left, right)
         return FileComparison(found, left.cylinder, right.cylinder, left.rig)
-    views_a, views_b = _views(left), _views(right)
+    views_a, views_b = (
+        list(image.views) if isinstance(image, Panorama) else [image] for image in (left, right)
+    )
     described_a, described_b = ([described(v) for v in views] for views in (views_a, views_b))
     claimed = {
         (i, j): claims_of(one, other)  # a single view may well be blank
@@ -214,10 +220,6 @@ def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> 
     i, j = max(claimed, key=lambda pair: sum(len(c.support_a) for c in claimed[pair]))
     claims = [replace(c, a=replace(c.a, view=i), b=replace(c.b, view=j)) for c in claimed[i, j]]
     return FileComparison(Comparison(tuple(claims), None), views_a[i], views_b[j], None)
-
-
-def _views(image: Panorama | NDArray[np.uint8]) -> list[NDArray[np.uint8]]:
-    return list(image.views) if isinstance(image, Panorama) else [image]
 
 
 def _load(path: str | Path) -> Panorama | NDArray[np.uint8]:
@@ -240,9 +242,9 @@ def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:
     check_not_blank(image_rgb, what)
 
 
-def _region(found: Described, index: NDArray[np.int64]) -> Region:
+def _region(found: Described, index: Index) -> Region:
     xy, reach = found.keypoints.xy_px[index], found.keypoints.size_px[index, None] / 2
     height, width = found.size_px
-    low = np.clip((xy - reach).min(axis=0) / found.scale, 0, (width, height))
-    high = np.clip((xy + reach).max(axis=0) / found.scale, 0, (width, height))
-    return Region(0, (float(low[0]), float(low[1]), float(high[0]), float(high[1])), None, None)
+    corners = np.stack([(xy - reach).min(axis=0), (xy + reach).max(axis=0)]) / found.scale
+    x0, y0, x1, y1 = map(float, np.clip(corners, 0, (width, height)).ravel())
+    return Region(0, (x0, y0, x1, y1), None, None)

@@ -1,9 +1,9 @@
-"""The ways to find common landmarks, by name; and how to plug in another.
-
-A variant looks at each panorama once, and compares two such looks. One of your own is given by
-where it is found, ``--variant mymodule:mine``, and stands in every table beside the others:
+"""The ways to find common landmarks, by name; and how to plug in a matcher of your own.
 
     mine = Variant("mine", look=my_features, compare=my_comparison, keypoints=lambda look: look)
+
+It is given by where it is found, ``--variant mymodule:mine``, and stands in every table beside the
+others.
 """
 
 import hashlib
@@ -11,7 +11,8 @@ import importlib
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
+from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import Any
 
@@ -24,25 +25,28 @@ from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import load_calibration
 from vrchain.landmarks.matching.common import Comparison, MatchConfig, check_comparable, compare
-from vrchain.landmarks.matching.joint import JointConfig, compare_joint
+from vrchain.landmarks.matching.joint import JOINT, JointConfig, compare_joint
 from vrchain.panorama import CameraRig, Panorama
 
 DEFAULT = "cnn+sift"
 HALF = ", half resolution"
 FEWER = "cnn+sift, fewer keypoints"  # as robots under way look
+Whole = tuple[Features, CameraRig]
 
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to find common landmarks.
+    """One way to find common landmarks: what to implement for a matcher of your own.
 
-    look: what is kept of a panorama. compare: of two looks at panoramas of one rig, their claims,
-    surest first, and the relative pose if it has one. keypoints: those of a look that the supports
-    of its claims count by. maker: what its results depend on beside the code, as text: results
-    that are kept are used again only where it is the same; of one plugged in, the digest of its
-    module's file is put behind. claimed: the score from which its claims
-    count where all are kept to see what other thresholds would do. partial: it is the default with
-    something left out, to compare with and not for use.
+    look: takes a ``Panorama``, gives what the matcher keeps of it, of any type; asked once for each
+    panorama. compare: takes two of these, of panoramas of one rig, gives a ``Comparison``: the
+    claims, surest first, and the relative pose if there is one. keypoints: takes one of these,
+    gives the ``Features`` that the supports of its claims count by.
+
+    maker: what its results depend on beside the code, as text: results that are kept are used again
+    only where it is the same; of one plugged in, the digest of its module's file is put behind.
+    claimed: the score from which its claims count where all are kept to see what other thresholds
+    would do. partial: it is the default with something left out, to compare with and not for use.
     """
 
     name: str
@@ -56,23 +60,11 @@ class Variant:
 
 def sift(min_score: float = MatchConfig().min_score) -> Variant:
     """SIFT over whole panoramas under one relative pose."""
-    matching = partial(_by_sift, config=MatchConfig(min_score=min_score))
-    return Variant("sift", _whole, matching, lambda look: look[0], claimed=MatchConfig().min_score)
 
+    def by_sift(a: Whole, b: Whole) -> Comparison:
+        return compare(a[0], b[0], a[1], MatchConfig(min_score=min_score))
 
-def learned(
-    config: JointConfig | None = None, weights: Path = SHIPPED, name: str | None = None
-) -> Variant:
-    """Landmarks that the network proposes, joined by looks and places; with SIFT, or without.
-
-    LearnedError without torch, the weights or their calibration.
-    """
-    config, calibration = config or JointConfig(), load_calibration(weights)
-    look = _look_by(weights)
-    joining = partial(compare_joint, config=config, calibration=calibration)
-    own = name or config.name
-    part = config.name != DEFAULT
-    return Variant(own, look, joining, _kept, maker_of(weights), JointConfig().min_score, part)
+    return Variant("sift", _whole, by_sift, itemgetter(0), claimed=MatchConfig().min_score)
 
 
 def compared(variant: Variant, a: Panorama, b: Panorama) -> Comparison:
@@ -93,14 +85,14 @@ def at_half_resolution(variant: Variant) -> Variant:
 def halved(panorama: Panorama) -> Panorama:
     """The panorama as cameras of half its resolution would have taken it."""
     rig = panorama.rig
-    small = replace(rig, width_px=rig.width_px // 2, height_px=rig.height_px // 2)
-    size = small.width_px, small.height_px
+    size = rig.width_px // 2, rig.height_px // 2
+    small = replace(rig, width_px=size[0], height_px=size[1])
     views = [cv2.resize(v, size, interpolation=cv2.INTER_AREA) for v in panorama.views]
     return Panorama(small, np.stack(views).astype(np.uint8))
 
 
 def variant_named(name: str, min_score: float | None = None) -> Variant:
-    """A variant by its name; MissionError if there is none.
+    """A variant by its name; MissionError if there is none, LearnedError without torch or weights.
 
     Or WEIGHTS.pt, the default with other weights; or MODULE:NAME of one plugged in. min_score: of
     the claims that it makes, if not its own.
@@ -112,13 +104,20 @@ def variant_named(name: str, min_score: float | None = None) -> Variant:
     if name == "sift":
         return sift() if min_score is None else sift(min_score)
     if name in JOINT:
-        config = JOINT[name]
-        return learned(config if min_score is None else replace(config, min_score=min_score))
+        return _joint(name, JOINT[name], SHIPPED, min_score)
     if name.endswith(".pt"):
-        config = JOINT[DEFAULT]
-        config = config if min_score is None else replace(config, min_score=min_score)
-        return learned(config, Path(name), f"{DEFAULT}, {Path(name).name}")
+        return _joint(f"{DEFAULT}, {Path(name).name}", JOINT[DEFAULT], Path(name), min_score)
     return _plugged_in(name)
+
+
+def _joint(name: str, config: JointConfig, weights: Path, min_score: float | None) -> Variant:
+    """Landmarks that the network proposes, joined by appearance and places; with SIFT, or not."""
+    if min_score is not None:
+        config = replace(config, min_score=min_score)
+    joining = partial(compare_joint, config=config, calibration=load_calibration(weights))
+    claimed, part = JointConfig().min_score, config.name != DEFAULT
+    maker, keypoints = maker_of(weights), attrgetter("features")
+    return Variant(name, _look_by(weights), joining, keypoints, maker, claimed, part)
 
 
 def _plugged_in(name: str) -> Variant:
@@ -143,46 +142,21 @@ def _plugged_in(name: str) -> Variant:
     return replace(found, maker=f"{found.maker} {made_of}")
 
 
-JOINT = {
-    config.name: config
-    for config in (
-        JointConfig(sift=False, spots=False),
-        JointConfig(),
-        JointConfig(sift=False),
-        JointConfig(spots=False),
-        JointConfig(embedding=False),
-        JointConfig(geometry=False),
-    )
-}
-
-
 @lru_cache(maxsize=2)
 def _keypoints(panorama: Panorama) -> Features:
     """All of a panorama's: more than one variant wants them."""
     return extract(panorama)
 
 
-def _whole(panorama: Panorama) -> tuple[Features, CameraRig]:
+def _whole(panorama: Panorama) -> Whole:
     return _keypoints(panorama), panorama.rig
 
 
-def _by_sift(
-    a: tuple[Features, CameraRig], b: tuple[Features, CameraRig], config: MatchConfig
-) -> Comparison:
-    return compare(a[0], b[0], a[1], config)
-
-
-_LOOKS: dict[Path, Callable[[Panorama], LandmarkRecord]] = {}
-
-
+@cache
 def _look_by(weights: Path) -> Callable[[Panorama], LandmarkRecord]:
     """The same function for the same weights: what several variants look at, is looked at once."""
 
     def look(panorama: Panorama) -> LandmarkRecord:
         return examine(panorama, weights, features=_keypoints(panorama))
 
-    return _LOOKS.setdefault(weights, look)
-
-
-def _kept(record: LandmarkRecord) -> Features:
-    return record.features
+    return look

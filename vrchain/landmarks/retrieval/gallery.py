@@ -9,6 +9,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 from itertools import pairwise
+from operator import attrgetter
 from pathlib import Path
 from typing import Generic, TypeVar
 
@@ -31,8 +32,6 @@ from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.extraction.spots import ONE
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
-from vrchain.landmarks.matching.common import Comparison
-from vrchain.landmarks.matching.joint import JointConfig, compare_joint
 from vrchain.landmarks.retrieval.lookup import Query, depth, worth_of
 from vrchain.landmarks.retrieval.recognition import (
     LOWEST_SLOPE,
@@ -46,16 +45,16 @@ from vrchain.panorama import Panorama
 Array = NDArray[np.float64]
 Key = TypeVar("Key")
 
-# Log-odds that a panorama shows it: 1, looks, ten times how alike its spots are, log of its range
-# over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas of
-# seeds 1001 and 1002, the likeliest of each goal; three units stricter: nobody is an answer too.
+# Log-odds that a panorama shows it: of 1, appearance, ten times how alike its spots are, log of its
+# range over 15 m, logs of keypoints and of spots that agree. Fitted to 40 goals and 400 panoramas
+# of seeds 1001 and 1002, the likeliest of each; three units stricter: nobody is an answer too.
 _BELIEF = np.array([-36.0, 1.66, 2.74, 0.56, 1.03, 1.9])
-_HOPELESS = -10.0  # belief by looks alone: what agrees beyond would not do either
+_HOPELESS = -10.0  # belief by appearance alone: what agrees beyond would not do either
 # Where one is believed, 0.95 of those so likely show it: 14 goals, 400 panoramas of seed 1300.
 _LIKELY = -2.5
 _AMONG = 10  # proposals of a panorama, the most alike, whose spots are compared
 _SHORT, _LONG = 40, 120  # panoramas looked at more closely; where some are known to show it
-_BY_LOOKS = 2  # times as many are chosen by looks alone before
+_BY_APPEARANCE = 2  # times as many are chosen by appearance alone before
 _MORE_SIDES = 16  # of those that are known to show it, from which it is sought anew
 _WIDTHS = EMBEDDED, LOCAL
 
@@ -71,20 +70,6 @@ class Gallery(Generic[Key]):
     records: tuple[LandmarkRecord, ...]
     embedding: NDArray[np.float32]
     owner: NDArray[np.int64]
-
-    def alike(self, embedding: NDArray[np.float32], calibration: Calibration) -> Array:
-        """How much looks speak for sharing what has these embeddings, (k, d): (records,).
-
-        The log-likelihood ratio, each of the k heard once.
-        """
-        found = np.zeros(len(self.records))
-        if len(self.owner) == 0 or len(embedding) == 0:
-            return found
-        looks = calibration.looks(embedding @ self.embedding.T)
-        begins = np.flatnonzero(np.r_[True, np.diff(self.owner) > 0])
-        best = np.maximum.reduceat(looks, begins, axis=1)
-        found[self.owner[begins]] = np.logaddexp(0.0, best).sum(axis=0)
-        return found
 
 
 def gallery_of(records: Mapping[Key, LandmarkRecord]) -> Gallery[Key]:
@@ -132,36 +117,23 @@ def is_extracted(landmarks: bytes, panorama: bytes, weights: Path = SHIPPED) -> 
     return False
 
 
-def partners(
-    own: LandmarkRecord,
-    gallery: Gallery[Key],
-    config: JointConfig | None = None,
-    calibration: Calibration | None = None,
-) -> list[tuple[Key, Comparison]]:
-    """Who shares a landmark with me: those with claims, the most claims first."""
-    calibration = calibration or load_calibration()
-    likely = np.argsort(-gallery.alike(own.proposals.embedding, calibration), kind="stable")
-    found = [
-        (gallery.keys[k], compare_joint(own, gallery.records[k], config, calibration))
-        for k in likely[:_SHORT]
-    ]
-    found = [pair for pair in found if pair[1].common]
-    return sorted(found, key=lambda pair: -sum(c.score for c in pair[1].common))
+Sightings = tuple[Sighting | None, Sighting | None]
+"""By keypoints, and by spots."""
 
 
 @dataclass(frozen=True)
 class Seen(Generic[Key]):
     """A panorama that may show what was sought.
 
-    looks, alike: how much its proposal looks like it as a whole, and by its spots; see ``Sought``.
-    sighting, spotted: where its keypoints, and its spots, agree that it is. belief: how
+    appearance, alike: how much its proposal looks like it, as a whole and by its spots; see
+    ``Query``. sighting, spotted: where its keypoints, and its spots, agree that it is. belief: how
     surely it does show it, by all of them, in log-odds: see ``named``.
     """
 
     key: Key
     proposal: int
     range_m: float
-    looks: float
+    appearance: float
     alike: float
     sighting: Sighting | None = None
     spotted: Sighting | None = None
@@ -170,7 +142,7 @@ class Seen(Generic[Key]):
     def features(self) -> Array:
         """What speaks for it, (6,)."""
         counts = [s.n_matches if s else 0 for s in (self.sighting, self.spotted)]
-        signs = [1.0, self.looks, 10 * self.alike, depth(self.range_m), *np.log1p(counts)]
+        signs = [1.0, self.appearance, 10 * self.alike, depth(self.range_m), *np.log1p(counts)]
         return np.array(signs)
 
     @property
@@ -202,16 +174,16 @@ def _likeliest(
     what: Query,
     gallery: Gallery[Key],
     calibration: Calibration,
-    sighted: Callable[[int, int], tuple[Sighting | None, Sighting | None]],
+    sighted: Callable[[int, int], Sightings],
     most: int,
 ) -> list[Seen[Key]]:
     """So many panoramas that may show it, looked at more closely."""
-    looks = what.looks(gallery.embedding, calibration)
+    appearance = what.appearance(gallery.embedding, calibration)
     begins = np.searchsorted(gallery.owner, np.arange(len(gallery.records) + 1))
-    likely: list[tuple[float, int, int, float]] = []
-    best = np.array([looks[a:b].max(initial=-np.inf) for a, b in pairwise(begins)])
-    for n in map(int, np.argsort(-best, kind="stable")[: _BY_LOOKS * most]):
-        record, own = gallery.records[n], looks[begins[n] : begins[n + 1]]
+    best = np.array([appearance[a:b].max(initial=-np.inf) for a, b in pairwise(begins)])
+    likely: list[tuple[float, int, Seen[Key]]] = []
+    for n in map(int, np.argsort(-best, kind="stable")[: _BY_APPEARANCE * most]):
+        record, own = gallery.records[n], appearance[begins[n] : begins[n + 1]]
         if len(own) == 0:
             continue
         chosen = np.zeros(len(own), dtype=bool)
@@ -219,15 +191,14 @@ def _likeliest(
         alike = what.alike(record.proposals, record.spots.take(chosen[record.spots.owner]))
         worth = np.where(chosen, worth_of(own, alike), -np.inf)
         k = int(worth.argmax())
-        likely.append((float(worth[k]), n, k, float(alike[k])))
+        range_m = float(record.proposals.range_m[k])
+        seen = Seen(gallery.keys[n], k, range_m, float(own[k]), float(alike[k]))
+        likely.append((float(worth[k]), n, seen))
     likely.sort(key=lambda found: (-found[0], found[1]))
     found = []
-    for _, n, k, alike_k in likely[:most]:
-        range_m = float(gallery.records[n].proposals.range_m[k])
-        looks_k = float(looks[begins[n] + k])
-        seen = Seen(gallery.keys[n], k, range_m, looks_k, alike_k)
+    for _, n, seen in likely[:most]:
         if seen.belief > _HOPELESS:
-            sighting, spotted = sighted(n, k)
+            sighting, spotted = sighted(n, seen.proposal)
             seen = replace(seen, sighting=sighting, spotted=spotted)
         found.append(seen)
     return sorted(found, key=lambda s: -s.belief)
@@ -240,39 +211,31 @@ def named(found: Sequence[Seen[Key]]) -> list[Key]:
     return [seen.key for seen in found if seen.belief > _LIKELY]
 
 
-def _sighter(
-    what: Query, gallery: Gallery[Key]
-) -> Callable[[int, int], tuple[Sighting | None, Sighting | None]]:
+def _sighter(what: Query, gallery: Gallery[Key]) -> Callable[[int, int], Sightings]:
     """Where keypoints, and spots, are found around a record's proposal.
 
     Those of the picture that looks most like it; what was asked before is remembered.
     """
     pictured = what.embedding[: len(what.pictures)]
+    upright = LOWEST_SLOPE, np.inf
     templates = [
-        [
-            template_around(of(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf))
-            for p in what.pictures
-        ]
+        [template_around(of(p), 0.0, p.rig.span_rad / 2, upright) for p in what.pictures]
         for of, _ in _WAYS
     ]
 
     @cache
-    def sighted(n: int, proposal: int) -> tuple[Sighting | None, Sighting | None]:
+    def sighted(n: int, proposal: int) -> Sightings:
         record = gallery.records[n]
         right, left = record.proposals.box[proposal, :2]
         middle_rad, window_rad = float(right + left) / 2, float(left - right) + 0.1
         most_alike = int((pictured @ record.proposals.embedding[proposal]).argmax())
         keypoints, spots = (
-            locate(own[most_alike], features_of(record), middle_rad, window_rad, ratio=ratio)
-            for (features_of, ratio), own in zip(_WAYS, templates, strict=True)
+            locate(own[most_alike], of(record), middle_rad, window_rad, ratio=ratio)
+            for (of, ratio), own in zip(_WAYS, templates, strict=True)
         )
         return keypoints, spots
 
     return sighted
-
-
-def _keypoints(record: LandmarkRecord) -> Features:
-    return record.features
 
 
 def _spots(record: LandmarkRecord) -> Features:
@@ -282,4 +245,8 @@ def _spots(record: LandmarkRecord) -> Features:
     return Features(s.bearing_rad, s.slope, np.zeros(len(s)), descriptors.astype(np.uint8))
 
 
-_WAYS = ((_keypoints, RATIO), (_spots, 1.0))  # what is matched, and the ratio test
+# What is matched, and the ratio test.
+_WAYS: tuple[tuple[Callable[[LandmarkRecord], Features], float], ...] = (
+    (attrgetter("features"), RATIO),
+    (_spots, 1.0),
+)

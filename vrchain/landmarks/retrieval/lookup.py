@@ -16,7 +16,7 @@ from vrchain.landmarks.retrieval.recognition import LOWEST_SLOPE
 Array = NDArray[np.float64]
 
 _MIDDLE_SLOPE = 0.1  # what a picture shows reaches to its middle, give or take this
-_LOOKS, _SPOTS = 0.75, 18.2  # of a proposal's worth
+_APPEARANCE, _SPOTS = 0.75, 18.2  # of a proposal's worth
 _TYPICAL_M = 15.0
 _HEIGHT, _HEIGHT_M = 0.35, 0.5  # by how much heights above the camera may differ: share, metres
 
@@ -34,11 +34,11 @@ class Query:
     height_m: Array
     pictures: tuple[LandmarkRecord, ...]
 
-    def looks(self, embedding: NDArray[np.float32], calibration: Calibration) -> Array:
-        """Log-likelihood ratio of being it, by looks as a whole, for proposals (n, d): (n,)."""
+    def appearance(self, embedding: NDArray[np.float32], calibration: Calibration) -> Array:
+        """Log-likelihood ratio of being it, by appearance, for proposals (n, d): (n,)."""
         if len(self.embedding) == 0 or len(embedding) == 0:
             return np.full(len(embedding), -np.inf)
-        return calibration.looks((embedding @ self.embedding.T).max(axis=1))
+        return calibration.appearance((embedding @ self.embedding.T).max(axis=1))
 
     def alike(self, proposals: Proposals, spots: Spots) -> Array:
         """How alike the spots of each proposal are to those of its that are about as high: (n,).
@@ -69,9 +69,9 @@ class Query:
         )
 
 
-def worth_of(looks: Array, alike: Array) -> Array:
-    """By which proposals are chosen for a closer look: their looks, and how alike their spots."""
-    return _LOOKS * looks + _SPOTS * alike
+def worth_of(appearance: Array, alike: Array) -> Array:
+    """By which proposals are chosen for a closer look, by appearance and how alike spots are."""
+    return _APPEARANCE * appearance + _SPOTS * alike
 
 
 def depth(range_m: float) -> float:
@@ -81,7 +81,7 @@ def depth(range_m: float) -> float:
 
 def sought(pictures: Sequence[LandmarkRecord]) -> Query:
     """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
-    return _of([(p, k) for p, k in ((p, subject(p)) for p in pictures) if k is not None])
+    return _of([(p, k) for p in pictures if (k := subject(p)) is not None])
 
 
 def _of(sights: Sequence[tuple[LandmarkRecord, int]]) -> Query:
@@ -89,14 +89,12 @@ def _of(sights: Sequence[tuple[LandmarkRecord, int]]) -> Query:
     none = np.empty((0, 0), dtype=np.float32)
     if not sights:
         return Query(none, none, np.empty(0), ())
-    own = [p.spots.take(p.spots.owner == k) for p, k in sights]
+    own = [(p, k, p.spots.take(p.spots.owner == k)) for p, k in sights]
     return Query(
-        np.stack([p.proposals.embedding[k] for p, k in sights]),
-        np.concatenate([spots.unit for spots in own]),
-        np.concatenate(
-            [s.slope * p.proposals.range_m[k] for s, (p, k) in zip(own, sights, strict=True)]
-        ),
-        tuple(p for p, _ in sights),
+        np.stack([p.proposals.embedding[k] for p, k, _ in own]),
+        np.concatenate([spots.unit for *_, spots in own]),
+        np.concatenate([spots.slope * p.proposals.range_m[k] for p, k, spots in own]),
+        tuple(p for p, *_ in own),
     )
 
 

@@ -1,7 +1,7 @@
 """Recognising one landmark, seen before, in a new panorama; tracking it from view to view."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,9 +55,7 @@ def template_around(
     offset = wrap_angle_rad(features.bearing_rad - bearing_rad)
     inside = (np.abs(offset) <= half_width_rad) & (features.slope >= slopes[0])
     inside &= features.slope <= slopes[1]
-    own = features.take(inside)
-    own = Features(offset[inside], own.slope, own.size_rad, own.descriptors)
-    return Template(own, half_width_rad)
+    return Template(replace(features, bearing_rad=offset).take(inside), half_width_rad)
 
 
 def locate(
@@ -75,7 +73,7 @@ def locate(
     ``window_rad`` around a bearing, as when tracking from view to view.
     """
     if near_rad is not None:
-        current = current.take(np.abs(wrap_angle_rad(current.bearing_rad - near_rad)) <= window_rad)
+        current = current.near(near_rad, window_rad)
     i, j = mutual_matches(template.features.descriptors, current.descriptors, ratio)
     if len(i) < min_matches:
         return None
@@ -101,9 +99,10 @@ def locate(
     best = int(counts.argmax())
     if counts[best] < min_matches:
         return None
+    own = agree[best]
     return _settle(
-        template, offset[agree[best]], stored_slope[agree[best]], bearing[agree[best]],
-        slope[agree[best]], float(middle[best]), float(scale[best]),
+        template, offset[own], stored_slope[own], bearing[own], slope[own],
+        float(middle[best]), float(scale[best]),
     )  # fmt: skip
 
 
@@ -139,11 +138,10 @@ class Goal:
 
 def goal_of(pictures: Sequence[Panorama]) -> Goal:
     """A goal from single views that it fills: all their keypoints above the ground count."""
-    found = [
-        template_around(extract(p), 0.0, p.rig.span_rad / 2, (LOWEST_SLOPE, np.inf))
-        for p in pictures
-    ]
-    return Goal(tuple(found))
+    upright = LOWEST_SLOPE, np.inf
+    return Goal(
+        tuple(template_around(extract(p), 0.0, p.rig.span_rad / 2, upright) for p in pictures)
+    )
 
 
 def find_goal(goal: Goal, current: Features, min_matches: int = GOAL_MATCHES) -> Sighting | None:

@@ -17,8 +17,8 @@ from vrchain.landmarks.extraction.record import LandmarkRecord, examine
 from vrchain.landmarks.matching.calibration import Calibration, fit
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.joint import (
+    JOINT,
     Candidates,
-    JointConfig,
     candidates,
     claims_of,
     distinct,
@@ -33,10 +33,6 @@ from vrchain.world.truth import GroundTruth
 
 Array = NDArray[np.float64]
 
-WEIGHED = (
-    JointConfig(sift=False, spots=False), JointConfig(), JointConfig(sift=False),
-    JointConfig(spots=False), JointConfig(embedding=False), JointConfig(geometry=False),
-)  # fmt: skip
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000
 
@@ -71,24 +67,22 @@ def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
         found = list(_sights(scene, truth, weights, config, k))
         pairs += [(truth, a, b) for a, b in found]
         strangers += [found[0][0], found[1][0]]
-    scale, even = _worth_of_looks([(a, b) for _, a, b in pairs])
+    scale, even = _worth_of_appearance([(a, b) for _, a, b in pairs])
     rough = Calibration(scale, even, {})
-    elsewhere = list(zip(strangers[:-2], strangers[2:], strict=True))
+    elsewhere = zip(strangers[:-2], strangers[2:], strict=True)
+    asked: list[tuple[GroundTruth | None, Sight, Sight]] = [*pairs]
+    asked += [(None, one, other) for one, other in elsewhere]
     claims = {}
-    for joint in WEIGHED:
+    for joint in JOINT.values():
         weighed = []
-        for truth, a, b in tqdm(pairs, desc=joint.name, unit="", disable=None):
+        for known, a, b in tqdm(asked, desc=joint.name, unit="", disable=None):
             joined = candidates(a.record, b.record, joint, rough)
             if joined is not None:
-                verdicts = _verdicts(truth, a, b, joined)
+                verdicts = _verdicts(known, a, b, joined) if known else None
                 weighed.append(_Weighed(a.record, b.record, joined, verdicts))
-        for one, other in elsewhere:
-            joined = candidates(one.record, other.record, joint, rough)
-            if joined is not None:
-                weighed.append(_Weighed(one.record, other.record, joined, None))
         first = fit(np.concatenate([w.found.features for w in weighed]),
                     np.concatenate([w.right for w in weighed]))  # fmt: skip
-        kept = [w.distinct(first.probability(w.found.features), joint) for w in weighed]
+        kept = [w.distinct(first.probability(w.found.features)) for w in weighed]
         claims[joint.name] = fit(
             np.concatenate([w.found.features[k] for w, k in zip(weighed, kept, strict=True)]),
             np.concatenate([w.right[k] for w, k in zip(weighed, kept, strict=True)]),
@@ -111,9 +105,9 @@ class _Weighed:
             return np.zeros(len(self.found.pairs), dtype=bool)
         return np.array([v.right for v in self.verdicts])
 
-    def distinct(self, score: Array, joint: JointConfig) -> NDArray[np.int64]:
+    def distinct(self, score: Array) -> NDArray[np.int64]:
         """Those that are claimed, no two of the same objects."""
-        kept = distinct(self.a, self.b, self.found.pairs, score, joint)
+        kept = distinct(self.a, self.b, self.found.pairs, score)
         if self.verdicts is not None:
             first: dict[tuple[str, str], int] = {}
             for k in kept:
@@ -131,7 +125,7 @@ def _verdicts(truth: GroundTruth, a: Sight, b: Sight, found: Candidates) -> list
     )  # fmt: skip
 
 
-def _worth_of_looks(pairs: list[tuple[Sight, Sight]]) -> tuple[float, float]:
+def _worth_of_appearance(pairs: list[tuple[Sight, Sight]]) -> tuple[float, float]:
     """Log-odds a unit of cosine, and the cosine at which they are even, all else being equal."""
     cosines, same = [], []
     for a, b in pairs:
@@ -169,8 +163,9 @@ def _sights(
         yaws = draws.uniform(-np.pi, np.pi, 2)
         if not scene.is_free([first, second]).all():
             continue
-        a, b = (Pose(float(x), float(y), float(t)) for (x, y), t in zip((first, second), yaws,
-                                                                      strict=True))  # fmt: skip
+        a, b = (
+            Pose(*map(float, (*xy, yaw))) for xy, yaw in zip((first, second), yaws, strict=True)
+        )
         yield look(a), look(b)
         made += 1
         if made == config.pairs:

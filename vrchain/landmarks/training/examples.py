@@ -29,6 +29,7 @@ _JPEG_QUALITY = 95
 _TRIES = 1000
 _TIMES = ("noon", "noon", "evening", "overcast")
 _SEASONS = ("summer", "autumn", "winter", "spring")
+_ARRAYS = ("cells", "range_m", "group", "poses", "centres_m", "kinds", "models")
 
 
 @dataclass(frozen=True)
@@ -119,10 +120,7 @@ def varied_spec(seed: int, k: int, attempt: int = 0) -> SceneSpec:
             "boundaries": {key: about(n) for key, n in often.items()},
             "furniture": {key: about(n) for key, n in {**small, "bushes": 30}.items()},
             "season": str(draws.choice(_SEASONS)),
-            "light": {
-                "time": str(draws.choice(_TIMES)),
-                "sun_azimuth_deg": draws.uniform(0, 360),
-            },
+            "light": {"time": str(draws.choice(_TIMES)), "sun_azimuth_deg": draws.uniform(0, 360)},
         }
     )
 
@@ -134,8 +132,7 @@ def read_examples(file: Path) -> Examples:
             coded, ends = stored["coded"].tobytes(), stored["ends"]
             starts = np.concatenate([[0], ends[:-1]])
             pictures = tuple(coded[a:b] for a, b in zip(starts, ends, strict=True))
-            names = ("cells", "range_m", "group", "poses", "centres_m", "kinds", "models")
-            return Examples(pictures, *(stored[name] for name in names))
+            return Examples(pictures, *(stored[name] for name in _ARRAYS))
     except (OSError, ValueError, KeyError, EOFError, BadZipFile) as error:
         raise LearnedError(
             f"{file} holds no examples ({error}): delete it and run again"
@@ -148,13 +145,7 @@ def _write(file: Path, examples: Examples) -> None:
         buffer,
         coded=np.frombuffer(b"".join(examples.pictures), dtype=np.uint8),
         ends=np.cumsum([len(p) for p in examples.pictures]),
-        cells=examples.cells,
-        range_m=examples.range_m,
-        group=examples.group,
-        poses=examples.poses,
-        centres_m=examples.centres_m,
-        kinds=examples.kinds,
-        models=examples.models,
+        **{name: getattr(examples, name) for name in _ARRAYS},
     )
     write_file(file, buffer.getvalue())
 
@@ -175,11 +166,8 @@ def _look_around(scene: Scene, config: ExampleConfig, k: int) -> Examples:
             others = {f"R{j}": p for j, p in enumerate(places) if j != i and shown}
             picture = picture_of(renderer.render(pose, rig, others))
             ids, points_m = truth.look_along(pose, grid[0], grid[1], rig, others)
-            coded = cv2.imencode(
-                ".jpg",
-                cv2.cvtColor(picture, cv2.COLOR_RGB2BGR),
-                [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY],
-            )[1]
+            bgr = cv2.cvtColor(picture, cv2.COLOR_RGB2BGR)
+            coded = cv2.imencode(".jpg", bgr, [cv2.IMWRITE_JPEG_QUALITY, _JPEG_QUALITY])[1]
             pictures.append(coded.tobytes())
             cells.append(_visible_landmarks(ids, landmark))
             range_m.append(np.nan_to_num(np.hypot(*(points_m[..., :2] - pose.xy_m).T).T))
@@ -208,10 +196,8 @@ def _group_of_poses(
         if first is None:
             place = draws.uniform(-half, half)
         else:
-            away, course = (
-                np.exp(draws.uniform(*np.log(config.reach_m))),
-                draws.uniform(0, 2 * np.pi),
-            )
+            away = np.exp(draws.uniform(*np.log(config.reach_m)))
+            course = draws.uniform(0, 2 * np.pi)
             place = first + away * np.array([np.cos(course), np.sin(course)])
         if not scene.is_free([place]).all():
             continue

@@ -12,6 +12,7 @@ import math
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, field, replace
+from itertools import permutations
 from pathlib import Path
 from typing import Any
 
@@ -23,7 +24,6 @@ from torch import Tensor
 from tqdm.auto import tqdm
 
 from vrchain.files import name_of, write_file
-from vrchain.landmarks.extraction.backbone import load_backbone
 from vrchain.landmarks.extraction.network import Network, learning_precision
 from vrchain.landmarks.extraction.proposer import BEARING_UNIT_RAD, EMBEDDED
 from vrchain.landmarks.training.examples import (
@@ -32,8 +32,9 @@ from vrchain.landmarks.training.examples import (
     make_examples,
     read_examples,
 )
+from vrchain.landmarks.training.imagenet import take_over
 from vrchain.landmarks.training.losses import Target, landmark_embeddings, losses, target_of
-from vrchain.landmarks.training.spots import Spots, spot_loss, spots_of, spots_right
+from vrchain.landmarks.training.spots import SpotPairs, spot_loss, spots_of, spots_right
 from vrchain.seeding import generator
 
 HELD_OUT_SEED = 900  # suburbs that are never learned from, to watch the learning by
@@ -126,7 +127,7 @@ def config_name(config: TrainConfig) -> str:
 def _begin(config: TrainConfig) -> tuple[Network, torch.optim.AdamW]:
     torch.manual_seed(config.seed)
     network = Network()
-    network.take_over(load_backbone("middle"))
+    take_over(network)
     network = network.to(memory_format=torch.channels_last).train()  # type: ignore[call-overload]
     taken_over = {id(p) for part in (network.stem, network.blocks) for p in part.parameters()}
     old = [p for p in network.parameters() if id(p) in taken_over]
@@ -158,7 +159,7 @@ def _resume(
     return 0, [], strangers
 
 
-Batch = list[tuple[Tensor, list[Target], list[Spots]]]
+Batch = list[tuple[Tensor, list[Target], list[SpotPairs]]]
 
 
 def _batches(suburbs: list[Examples], config: TrainConfig, start: int) -> Iterator[Batch]:
@@ -185,7 +186,7 @@ def _group(
     group: int,
     draws: np.random.Generator | None = None,
     spots: np.random.Generator | None = None,
-) -> tuple[Tensor, list[Target], list[Spots]]:
+) -> tuple[Tensor, list[Target], list[SpotPairs]]:
     """The panoramas of a group and what to answer; with ``draws`` mirrored and coloured anew."""
     members = np.flatnonzero(suburb.group == group)
     mirrored = draws is not None and draws.random() < 0.5
@@ -222,28 +223,23 @@ def metrics(network: Network, held_out: list[Examples]) -> dict[str, float]:
     bearing_off_rad: median. spots_right: the cell most like a spot seen from elsewhere shows it.
     """
     network.eval()
-    right, n, both, either = 0, 0, 0, 0
-    found_spots, n_spots = 0, 0
+    right, n, both, either, found_spots, n_spots = 0, 0, 0, 0, 0, 0
     range_off, bearing_off = [], []
     for suburb in held_out:
         for group in np.unique(suburb.group)[:3]:
-            pictures, targets, spots = _group(
-                suburb, int(group), spots=generator(0, "watched", int(group))
-            )
+            draws = generator(0, "watched", int(group))
+            pictures, targets, spots = _group(suburb, int(group), spots=draws)
             with torch.inference_mode(), learning_precision():
                 answers = network(pictures)
             embedding, ids, panorama = landmark_embeddings(answers, targets)
             of_these, in_all = spots_right(answers["local"], spots)
             found_spots, n_spots = found_spots + of_these, n_spots + in_all
-            for i in range(len(targets)):
-                for j in range(len(targets)):
-                    if i == j:
-                        continue
-                    here, there = panorama == i, panorama == j
-                    known = torch.isin(ids[here], ids[there])
-                    nearest = (embedding[here][known] @ embedding[there].T).argmax(dim=1)
-                    right += int((ids[there][nearest] == ids[here][known]).sum())
-                    n += int(known.sum())
+            for i, j in permutations(range(len(targets)), 2):
+                here, there = panorama == i, panorama == j
+                known = torch.isin(ids[here], ids[there])
+                nearest = (embedding[here][known] @ embedding[there].T).argmax(dim=1)
+                right += int((ids[there][nearest] == ids[here][known]).sum())
+                n += int(known.sum())
             for i, target in enumerate(targets):
                 said = answers["landmark"][i, 0].flatten() > 0
                 true = torch.zeros_like(said)

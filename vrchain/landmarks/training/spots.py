@@ -5,6 +5,7 @@ al. (2020) use it between places whose relative pose is known.
 """
 
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 import torch
@@ -27,7 +28,7 @@ _TEMPERATURE = 0.04
 
 
 @dataclass(frozen=True, eq=False)
-class Spots:
+class SpotPairs:
     """Spots seen in two panoramas, ``first`` and ``second`` of a group.
 
     at_first: (n,) flat cells. at_second: (n + m,) flat cells, those of the spots and others after
@@ -43,9 +44,9 @@ class Spots:
 
 def spots_of(
     examples: Examples, members: NDArray[np.int64], draws: np.random.Generator, mirrored: bool
-) -> list[Spots]:
+) -> list[SpotPairs]:
     """Spots in some pairs of panoramas of a group, or of their mirror images."""
-    ordered = [(i, j) for i in range(len(members)) for j in range(len(members)) if i != j]
+    ordered = list(permutations(range(len(members)), 2))
     chosen = draws.choice(len(ordered), min(_PAIRS, len(ordered)), replace=False)
     found = []
     for i, j in (ordered[k] for k in chosen):
@@ -55,7 +56,7 @@ def spots_of(
     return found
 
 
-def spot_loss(local: Tensor, spots: list[Spots]) -> Tensor:
+def spot_loss(local: Tensor, spots: list[SpotPairs]) -> Tensor:
     """Each spot should be most like itself in the other one: local is (n, d, rows, columns)."""
     parts = []
     for pair in spots:
@@ -64,13 +65,13 @@ def spot_loss(local: Tensor, spots: list[Spots]) -> Tensor:
     return torch.stack(parts).mean() if parts else local.sum() * 0.0
 
 
-def spots_right(local: Tensor, spots: list[Spots]) -> tuple[int, int]:
+def spots_right(local: Tensor, spots: list[SpotPairs]) -> tuple[int, int]:
     """Of how many spots the most alike cell is the right one, and of how many in all."""
     right = [(_alike(local, p).argmax(dim=1) == torch.arange(len(p.at_first))).sum() for p in spots]
     return int(sum(right)), sum(len(p.at_first) for p in spots)
 
 
-def _alike(local: Tensor, pair: Spots) -> Tensor:
+def _alike(local: Tensor, pair: SpotPairs) -> Tensor:
     a, b = (
         F.normalize(local[panorama].flatten(1)[:, cells].T, dim=1)
         for panorama, cells in ((pair.first, pair.at_first), (pair.second, pair.at_second))
@@ -85,7 +86,7 @@ def _common(
     members: NDArray[np.int64],
     draws: np.random.Generator,
     mirrored: bool,
-) -> Spots:
+) -> SpotPairs:
     own_a, own_b = (examples.cells[members[k]].ravel() for k in (i, j))
     shown_a, shown_b = np.flatnonzero(own_a >= 0), np.flatnonzero(own_b >= 0)
     at_a = draws.permutation(shown_a)[: 4 * _EACH]
@@ -106,7 +107,7 @@ def _common(
     if mirrored:
         columns = examples.cells.shape[2]
         at_a, at_b = (x - 2 * (x % columns) + columns - 1 for x in (at_a, at_b))
-    return Spots(i, j, *(torch.from_numpy(x) for x in (at_a, at_b, near)))
+    return SpotPairs(i, j, *(torch.from_numpy(x) for x in (at_a, at_b, near)))
 
 
 def points_m(examples: Examples, index: int, cell: NDArray[np.int64]) -> NDArray[np.float64]:

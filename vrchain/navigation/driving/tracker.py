@@ -56,7 +56,7 @@ class Tracker:
         p = look.proposals
         if len(p) == 0:
             return None
-        looks = self.calibration.looks((p.embedding @ self.embedding.T).max(axis=1))
+        looks = self.calibration.appearance((p.embedding @ self.embedding.T).max(axis=1))
         found = []
         for i in np.flatnonzero(looks > -1.0):
             bearing, range_m = float(wrap_angle_rad(p.bearing_rad[i])), float(p.range_m[i])

@@ -98,7 +98,7 @@ class GoalPictures:
             return None
         middle = (p.box[:, 0] + p.box[:, 1]) / 2
         half = (p.box[:, 1] - p.box[:, 0]) / 2
-        looks = self.shown.looks(p.embedding, self.calibration)
+        looks = self.shown.appearance(p.embedding, self.calibration)
         alike = self.shown.alike(p, look.spots)
         worth = worth_of(looks, alike)
         if near_rad is not None:
