@@ -1,0 +1,83 @@
+"""The documents: their links lead somewhere, their Python runs and uses public names alone."""
+
+import ast
+import re
+from pathlib import Path
+
+import matplotlib
+import pytest
+from snippets import blocks, strangers
+from worlds import ROOT
+
+import vrchain as vr
+
+DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
+API, SCRIPT = ROOT / "docs" / "reference" / "api.md", ROOT / "docs" / "python.md"
+LONG = "# takes minutes"  # the first line of a block that is not run
+_LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
+_CODE = re.compile(r"^```.*?^```$|^ {4}.*$|`[^`\n]*`", re.MULTILINE | re.DOTALL)
+
+
+def name(document: Path) -> str:
+    return str(document.relative_to(ROOT))
+
+
+def anchors(document: Path) -> set[str]:
+    """Of the headings, as GitHub makes them."""
+    heads = re.findall(r"^#+ (.*)$", document.read_text(encoding="utf-8"), re.MULTILINE)
+    plain = [re.sub(r"\[([^\]]*)\]\([^)]*\)", r"\1", head).strip().lower() for head in heads]
+    return {re.sub(r"[^\w\- ]", "", head).replace(" ", "-") for head in plain}
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=name)
+def test_every_link_leads_to_a_file_and_a_heading(document: Path) -> None:
+    wrong = []
+    for link in _LINK.findall(_CODE.sub("", document.read_text(encoding="utf-8"))):
+        path, _, anchor = link.partition("#")
+        if "://" in link:
+            continue
+        there = (document.parent / path).resolve() if path else document
+        if not there.exists() or (anchor and anchor not in anchors(there)):
+            wrong.append(link)
+    assert wrong == []
+
+
+@pytest.mark.parametrize("document", DOCUMENTS, ids=name)
+def test_python_in_a_document_uses_public_names_alone(document: Path) -> None:
+    """The how-to of ledgers, matchers and robots may go deeper: they name what they build on."""
+    for block in blocks(document.read_text(encoding="utf-8")):
+        used = strangers(ast.parse(block))
+        assert used == [] or document.parent.name == "how-to"
+
+
+def test_the_reference_names_what_the_package_gives() -> None:
+    named = re.findall(r"^### `(.*)`$", API.read_text(encoding="utf-8"), re.MULTILINE)
+    given = [*vr.__all__, *(f"plots.{name}" for name in vr.plots.__all__)]
+    assert sorted(named) == sorted(given)
+    assert set(vr.__all__) <= set(dir(vr)) and set(vr.plots.__all__) <= set(dir(vr.plots))
+
+
+@pytest.mark.parametrize("package", ["", "plots"])
+def test_type_checkers_are_told_the_names_that_are_given(package: str) -> None:
+    tree = ast.parse((ROOT / "vrchain" / package / "__init__.py").read_text(encoding="utf-8"))
+    (told,) = [part for part in tree.body if isinstance(part, ast.If)]
+    names = [alias.asname for part in told.body for alias in part.names]  # type: ignore[attr-defined]
+    assert sorted(names) == sorted((vr.plots if package else vr).__all__)
+
+
+def test_another_name_is_refused() -> None:
+    with pytest.raises(AttributeError, match="module 'vrchain' has no attribute 'nothing'"):
+        vr.nothing  # type: ignore[attr-defined]  # noqa: B018
+
+
+@pytest.mark.parametrize("document", [API, SCRIPT], ids=name)
+def test_the_python_of_a_document_runs(
+    document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    matplotlib.use("agg")
+    known: dict[str, object] = {"vr": vr}
+    for block in blocks(document.read_text(encoding="utf-8")):
+        code = compile(block, name(document), "exec")
+        if not block.startswith(LONG):
+            exec(code, known)
