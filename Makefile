@@ -61,7 +61,8 @@ format: setup
 	$(BIN)/ruff format .
 
 lock:
-	uv pip compile pyproject.toml --upgrade --quiet --custom-compile-command "make lock" -o requirements.lock
+	uv lock --quiet --upgrade
+	uv export --quiet --locked --all-extras --no-emit-project --no-emit-package torch --format requirements.txt -o requirements.lock
 
 clean:
 	rm -rf build dist .mypy_cache .pytest_cache .ruff_cache .hypothesis

@@ -189,7 +189,7 @@ def test_imports_run_down_the_levels() -> None:
         ("navigation", "from vrchain.world.model import Scene", "not its business"),
         ("navigation", "from vrchain.world.truth import GroundTruth", "ground truth leaks"),
         ("landmarks.sift", "from vrchain.world.truth import GroundTruth", "ground truth leaks"),
-        ("world.render", "from vrchain.world import truth", "ground truth leaks"),
+        ("world.light", "from vrchain.world import truth", "ground truth leaks"),
         ("world.model", "import open3d.core as o3c", "only ('world.truth',) may"),
         ("viewer", "def f():\n    import pyrender", "only ('world.render',) may"),
         ("world.truth", "from OpenGL import GL", "only ('world.render',) may"),

@@ -45,6 +45,13 @@ def test_lock_pins_every_requirement_with_hashes() -> None:
         assert re.match(r"[a-z0-9.-]+==[^ ]+ .*\\\n +--hash=sha256:[0-9a-f]{64}", entry), entry
 
 
+def test_both_locks_hold_the_same_versions() -> None:
+    packages = tomllib.loads((ROOT / "uv.lock").read_text(encoding="utf-8"))["package"]
+    locked = {(p["name"], p["version"]) for p in packages if "registry" in p["source"]}
+    pinned = set(re.findall(r"^([a-z0-9.-]+)==([^ ]+)", LOCK, flags=re.MULTILINE))
+    assert {(name, version) for name, version in locked if name != "torch"} == pinned
+
+
 def test_lock_names_no_place_and_no_torch() -> None:
     assert not re.search(r"://|file:|find-links|index-url|^ *-[^-]|^/", LOCK, flags=re.MULTILINE)
     assert not re.search(r"^(torch|nvidia[a-z0-9-]*)==", LOCK, flags=re.MULTILINE)

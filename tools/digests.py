@@ -1,4 +1,4 @@
-"""Digests of what the commands make from a seed: tools/digests.py [PART ...] prints a line for each.
+"""Digests of what the commands make from a seed, a line each: tools/digests.py [PART ...].
 
 Run it before and after a change that must not change results, and compare the two with diff. It
 knows commands only, so that it outlives every module. On another processor digests may differ.

@@ -168,7 +168,7 @@ def test_the_ground_is_covered_once() -> None:
 
 def test_one_seed_gives_the_same_bytes_in_two_processes() -> None:
     code = (
-        "import sys, json; sys.path.insert(0, 'tests/scene');"
+        "import sys, json; sys.path.insert(0, 'tests/world');"
         "from test_suburb import digest; from vrchain.world import load_scene;"
         f"s = load_scene({str(BARN)!r}); print(json.dumps([digest(s), repr(s.robots)]))"
     )

@@ -75,7 +75,7 @@ def test_the_scenes_sun_shines_on_it() -> None:
 def test_two_processes_build_the_same_robot() -> None:
     code = """
 import hashlib, json
-from vrchain.scene import pioneer
+from vrchain.world.things import pioneer
 surface = pioneer.build("R1")
 arrays = (surface.vertices_m, surface.uv, surface.texture)
 print(json.dumps(hashlib.sha256(b"".join(a.tobytes() for a in arrays)).hexdigest()))

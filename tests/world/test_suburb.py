@@ -237,10 +237,10 @@ def printed_by_a_fresh_process(code: str, **told: str) -> str:
     """
     done = subprocess.run(
         [sys.executable, "-c", f"import sys; sys.path.insert(0, sys.argv[1]);{code}",
-         str(ROOT / "tests")],
+         str(ROOT / "tests" / "world")],
         capture_output=True,
         text=True,
-        env={**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": str(ROOT), **told},
+        env={**os.environ, "PYTHONHASHSEED": "7", "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", **told},
         check=True,
     )  # fmt: skip
     return done.stdout

@@ -317,7 +317,7 @@ def test_the_same_seed_surveys_the_same_ledger() -> None:
     code = """
 import json, tempfile
 from pathlib import Path
-from vrchain.experiments.survey import survey
+from vrchain.simulation.survey import survey
 from vrchain.ledger import Ledger
 from worlds import SMALL_RIG, yard
 with tempfile.TemporaryDirectory() as folder:

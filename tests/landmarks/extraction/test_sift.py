@@ -253,7 +253,7 @@ def test_the_same_panorama_has_the_same_features_in_two_processes() -> None:
 import hashlib, json
 import sights
 from vrchain.geometry import Pose
-from vrchain.landmarks.sift import mutual_matches
+from vrchain.landmarks.extraction.sift import mutual_matches
 a, b = (sights.sight(Pose(x, 0, x), sights.RIG) for x in (0, 2))
 i, j = mutual_matches(a.descriptors, b.descriptors)
 total = hashlib.sha256()

@@ -200,7 +200,7 @@ def test_the_same_matches_give_the_same_answer_in_two_processes() -> None:
 import json
 from sights import two_views
 from vrchain.geometry import Pose
-from vrchain.landmarks.epipolar import estimate
+from vrchain.landmarks.matching.epipolar import estimate
 g = estimate(*two_views(Pose(3, 4, 1), 120, 0.002, 0.4).matches)
 values = [g.direction_rad, g.heading_rad, g.direction_std_rad]
 print(json.dumps([[v.hex() for v in map(float, values)], g.inliers.tolist()]))

@@ -35,7 +35,7 @@ def writer(folder: Path, robot: str, count: int, size: int) -> subprocess.Popen[
         [sys.executable, "-c", WRITER, str(folder), robot, str(count), str(size)],
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests' / 'ledger'}"},
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
     )
 
 
@@ -87,7 +87,8 @@ def test_a_killed_writer_loses_nothing_acknowledged(
 KILLED_AT = """
 import os, signal, sys
 from ledgers import KEYS
-from vrchain.ledger import Ledger, durable, store
+from vrchain.ledger import Ledger, store
+from vrchain.ledger.storage import durable
 
 def die(*given):
     os.kill(os.getpid(), signal.SIGKILL)

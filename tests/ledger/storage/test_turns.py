@@ -31,7 +31,7 @@ print(count, worst)
 WAITER = """
 import sys
 from pathlib import Path
-from vrchain.ledger.turns import Turns
+from vrchain.ledger.storage.turns import Turns
 turns = Turns(Path(sys.argv[1]), True)
 turns._lock(0, 1, 1)
 print("waits", flush=True)
@@ -45,7 +45,7 @@ def child(code: str, *arguments: object) -> subprocess.Popen[str]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         text=True,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests' / 'ledger'}"},
+        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
     )
 
 
