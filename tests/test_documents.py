@@ -2,17 +2,30 @@
 
 import ast
 import re
+from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib
 import pytest
+import typer
 from snippets import blocks, strangers
 from worlds import ROOT
 
 import vrchain as vr
+from vrchain.cli import app
 
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
-API, SCRIPT = ROOT / "docs" / "reference" / "api.md", ROOT / "docs" / "python.md"
+API, SCRIPT, MATCHER, CLI, ARCHITECTURE = (
+    ROOT / "docs" / name
+    for name in (
+        "reference/api.md",
+        "python.md",
+        "how-to/own-matcher.md",
+        "reference/cli.md",
+        "architecture.md",
+    )
+)
 LONG = "# takes minutes"  # the first line of a block that is not run
 _LINK = re.compile(r"\[[^\]]*\]\(([^)\s]+)\)")
 _CODE = re.compile(r"^```.*?^```$|^ {4}.*$|`[^`\n]*`", re.MULTILINE | re.DOTALL)
@@ -44,10 +57,14 @@ def test_every_link_leads_to_a_file_and_a_heading(document: Path) -> None:
 
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name)
 def test_python_in_a_document_uses_public_names_alone(document: Path) -> None:
-    """The how-to of ledgers, matchers and robots may go deeper: they name what they build on."""
+    """How-to pages may go deeper: what they import is there."""
     for block in blocks(document.read_text(encoding="utf-8")):
-        used = strangers(ast.parse(block))
-        assert used == [] or document.parent.name == "how-to"
+        tree = ast.parse(block)
+        if document.parent.name != "how-to":
+            assert strangers(tree) == []
+        for part in tree.body:
+            if isinstance(part, ast.Import | ast.ImportFrom):
+                exec(ast.unparse(part), {})
 
 
 def test_the_reference_names_what_the_package_gives() -> None:
@@ -70,7 +87,7 @@ def test_another_name_is_refused() -> None:
         vr.nothing  # type: ignore[attr-defined]  # noqa: B018
 
 
-@pytest.mark.parametrize("document", [API, SCRIPT], ids=name)
+@pytest.mark.parametrize("document", [API, SCRIPT, MATCHER], ids=name)
 def test_the_python_of_a_document_runs(
     document: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -81,3 +98,37 @@ def test_the_python_of_a_document_runs(
         code = compile(block, name(document), "exec")
         if not block.startswith(LONG):
             exec(code, known)
+
+
+def commands(command: Any, path: str = "vrchain") -> Iterator[tuple[str, Any]]:
+    for word, below in getattr(command, "commands", {}).items():
+        yield from commands(below, f"{path} {word}")
+    if not hasattr(command, "commands"):
+        yield path, command
+
+
+def test_the_page_of_the_command_line_names_every_command_and_option() -> None:
+    """Of each: a section, and in it a row for each option."""
+    _, *parts = CLI.read_text(encoding="utf-8").split("\n### ")
+    written = {part.partition("\n")[0]: part for part in parts}
+    given = dict(commands(typer.main.get_command(app)))
+    assert set(written) == set(given)
+    for path, command in given.items():
+        options = [p for p in command.params if p.param_type_name == "option"]
+        rows = re.findall(r"^\| `(-[^|]*)`[^`|]*\|", written[path], re.MULTILINE)
+        assert rows == ["`, `".join(option.opts) for option in options], path
+
+
+def test_the_ten_questions_lead_to_a_definition() -> None:
+    """The first name of each answer is defined in the first file or folder beside it."""
+    rows = re.findall(
+        r"^\| [^|]*\? \| `(\w+)`[^|]*\| \[[^\]]*\]\(\.\./([^)]*)\)",
+        ARCHITECTURE.read_text(encoding="utf-8"),
+        re.MULTILINE,
+    )
+    assert len(rows) == 10
+    for defined, where in rows:
+        there = ROOT / where
+        files = [there] if there.is_file() else there.rglob("*.py")
+        pattern = rf"^(def|class) {defined}\b|^{defined}\b.* = "
+        assert any(re.search(pattern, f.read_text("utf-8"), re.MULTILINE) for f in files), defined
