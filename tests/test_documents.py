@@ -55,6 +55,13 @@ def test_every_link_leads_to_a_file_and_a_heading(document: Path) -> None:
     assert wrong == []
 
 
+def test_documents_that_code_names_are_there() -> None:
+    sources = [f for folder in ("vrchain", "tests", "tools") for f in (ROOT / folder).rglob("*.py")]
+    for source in (*sources, ROOT / "Makefile", ROOT / "pyproject.toml"):
+        for named in re.findall(r"\bdocs/[\w/-]+\.md\b", source.read_text(encoding="utf-8")):
+            assert (ROOT / named).is_file(), f"{source} names {named}"
+
+
 @pytest.mark.parametrize("document", DOCUMENTS, ids=name)
 def test_python_in_a_document_uses_public_names_alone(document: Path) -> None:
     """How-to pages may go deeper: what they import is there."""

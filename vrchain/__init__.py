@@ -5,8 +5,8 @@
     scene = vr.load_scene(vr.SCENES / "suburb.yaml")
     vr.plots.scene_map(scene)
 
-The names below are what a notebook or a script needs; docs/api.md has a line and an example for
-each. Each is loaded when it is first used, so that importing the package loads no library.
+The names below are what a notebook or a script needs. docs/reference/api.md has a line and an
+example for each. Each is loaded when it is first used: importing the package loads no library.
 """
 
 from typing import TYPE_CHECKING
