@@ -84,9 +84,13 @@ def test_the_reference_names_what_the_package_gives() -> None:
 @pytest.mark.parametrize("package", ["", "plots"])
 def test_type_checkers_are_told_the_names_that_are_given(package: str) -> None:
     tree = ast.parse((ROOT / "vrchain" / package / "__init__.py").read_text(encoding="utf-8"))
-    (told,) = [part for part in tree.body if isinstance(part, ast.If)]
+    told, _ = (part for part in tree.body if isinstance(part, ast.If))
     names = [alias.asname for part in told.body for alias in part.names]  # type: ignore[attr-defined]
     assert sorted(names) == sorted((vr.plots if package else vr).__all__)
+
+
+def test_the_readme_is_a_page() -> None:
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 60
 
 
 def test_another_name_is_refused() -> None:

@@ -33,4 +33,5 @@ _HOMES = {
     "views_row": "pictures",
 }
 __all__ = list(_HOMES)
-__getattr__, __dir__ = lazy(__name__, _HOMES)
+if not TYPE_CHECKING:  # or every name would be known
+    __getattr__, __dir__ = lazy(__name__, _HOMES)
