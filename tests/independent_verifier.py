@@ -1,4 +1,4 @@
-"""A verifier of ledgers made from docs/ledger-format.md alone; it knows nothing of vrchain.
+"""A verifier made from docs/reference/ledger-format.md alone; it knows nothing of vrchain.
 
     python independent_verifier.py LEDGER [HEAD_HASH]
 

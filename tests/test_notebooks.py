@@ -6,22 +6,19 @@ from pathlib import Path
 import nbformat
 import pytest
 from pages import fetched
+from snippets import strangers
 
 from vrchain.cli import notebooks
-from vrchain.cli.notebooks import NotebookError, execute
+from vrchain.cli.notebooks import MANIFEST, NotebookError, execute, manifest
 from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.paths import NOTEBOOKS
 
-NAMES = [
-    "01_scene",
-    "02_panoramas",
-    "03_common_landmarks",
-    "04_ledger",
-    "05_mission",
-    "06_reproduction",
-    "07_bring_your_own_world",
-]
-QUICKEST = "06_reproduction"  # `make reproduce` executes them all, and so does `make test-all`
+TIERS = {name: about["tier"] for name, about in manifest(NOTEBOOKS).items()}
+NAMES = list(TIERS)
+NEEDS = {  # what a cell calls tells what its notebook needs
+    "torch": ("common_landmarks(", "run_mission("),
+    "results": ("reproduced(",),
+}
 LONGEST_FUNCTION = 6  # lines; what is longer belongs into the library
 
 
@@ -43,8 +40,13 @@ def functions(tree: ast.Module) -> list[tuple[str, int]]:
     ]
 
 
-def test_these_are_the_notebooks() -> None:
+def test_the_manifest_names_all_notebooks_and_what_they_need() -> None:
+    """Slow ones are executed by `make reproduce` and `make test-all`."""
     assert sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb")) == NAMES
+    assert set(TIERS.values()) == {"quick", "slow"}
+    for name, about in manifest(NOTEBOOKS).items():
+        code = "\n".join(cells(name, "code"))
+        assert about["needs"] == [n for n, calls in NEEDS.items() if any(c in code for c in calls)]
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -69,13 +71,19 @@ def test_a_notebook_is_thin_and_says_what_it_is_about(name: str) -> None:
         assert long == []
 
 
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_knows_the_package_by_its_public_names_alone(name: str) -> None:
+    assert strangers(python_of("\n".join(cells(name, "code")))) == []
+
+
 def test_a_long_function_would_be_noticed() -> None:
     tree = python_of("%matplotlib inline\ndef f():\n" + "    pass\n" * 6)
     assert functions(tree) == [("f", 7)]
 
 
 @pytest.mark.parametrize(
-    "name", [pytest.param(n, marks=() if n == QUICKEST else pytest.mark.slow) for n in NAMES]
+    "name",
+    [pytest.param(n, marks=pytest.mark.slow if t == "slow" else ()) for n, t in TIERS.items()],
 )
 def test_a_notebook_runs_and_shows_pictures(
     name: str, smoke_results: Results, tmp_path: Path
@@ -102,6 +110,7 @@ def test_a_cell_that_fails_is_told_in_one_line(
     source = tmp_path / "notebooks"
     source.mkdir()
     small_notebook(source / "bad.ipynb", "1 / 0")
+    (source / MANIFEST).write_text("bad: { tier: quick, needs: [] }")
     monkeypatch.setattr(notebooks, "NOTEBOOKS", source)
     (tmp_path / "out").mkdir()
     results = Results(PROFILES["smoke"], tmp_path)

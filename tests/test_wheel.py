@@ -12,6 +12,7 @@ import pytest
 from test_cli import everything
 from worlds import ROOT
 
+from vrchain.cli.notebooks import MANIFEST
 from vrchain.experiments.reproduction.results import MARKER
 from vrchain.extras import REQUIREMENTS
 
@@ -80,6 +81,7 @@ def test_the_wheel_holds_scenes_scripts_and_notebooks(wheel: Path) -> None:
     """And no picture that was drawn beside a script."""
     own = [p for p in (ROOT / "scenes").rglob("*") if p.is_file()]
     own += [*(ROOT / "figures").glob("*.py"), *(ROOT / "notebooks").glob("*.ipynb")]
+    own += [ROOT / "notebooks" / MANIFEST]
     packed = [name for name in zipfile.ZipFile(wheel).namelist() if "/project/" in name]
     assert sorted(packed) == sorted(f"vrchain/project/{p.relative_to(ROOT)}" for p in own)
 

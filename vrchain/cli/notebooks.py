@@ -4,10 +4,12 @@ import os
 import re
 import subprocess
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from pathlib import Path
+from typing import Any
 
+import yaml
 from tqdm.auto import tqdm
 
 from vrchain.errors import VRChainError
@@ -15,6 +17,7 @@ from vrchain.experiments.reproduction.results import Results
 from vrchain.experiments.workers import ONE_THREAD
 from vrchain.paths import NOTEBOOKS
 
+MANIFEST = "manifest.yaml"
 _LIMIT_S = 900  # a cell
 _AT_ONCE = 2
 _TEMPLATES = Path(__file__).parent  # the folder offline/: pages that fetch nothing
@@ -24,9 +27,17 @@ class NotebookError(VRChainError):
     """A notebook could not be executed."""
 
 
+def manifest(folder: Path) -> Mapping[str, Mapping[str, Any]]:
+    """The notebooks of a folder in their order, by name: tier and needs, see manifest.yaml."""
+    read: Mapping[str, Mapping[str, Any]] = yaml.safe_load((folder / MANIFEST).read_text())
+    return read
+
+
 def run_notebooks(results: Results, folder: Path) -> str:
     """The stage ``notebooks``: all of them, on the results of a profile, into a folder."""
-    notebooks = sorted(NOTEBOOKS.glob("*.ipynb"), reverse=True)  # the longest are among the last
+    chosen = manifest(NOTEBOOKS)
+    slow_first = sorted(chosen, key=lambda name: chosen[name]["tier"] == "quick")
+    notebooks = [NOTEBOOKS / f"{name}.ipynb" for name in slow_first]
     with ThreadPoolExecutor(_AT_ONCE) as pool:
         started = [pool.submit(execute, notebook, folder, results) for notebook in notebooks]
         try:

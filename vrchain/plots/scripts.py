@@ -33,6 +33,21 @@ def figure_names(scripts: Path = FIGURES) -> list[str]:
     return sorted(script.stem for script in scripts.glob("*.py"))
 
 
+def draw_of(name: str, scripts: Path = FIGURES) -> Draw:
+    """What draws a figure. FigureError if there is no such figure."""
+    check_names([name], scripts)
+    draw: Draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
+    return draw
+
+
+def check_names(names: Sequence[str], scripts: Path = FIGURES) -> None:
+    """Raise FigureError if a figure of these has no script."""
+    known = figure_names(scripts)
+    for name in names:
+        if name not in known:
+            raise FigureError(f"expected figures of {', '.join(known)}, got {name!r}")
+
+
 def run_script(script: str, draw: Draw) -> None:
     """What a script does when it is run by itself; see ``Results.here`` for the profile."""
     keep_freed_memory()
@@ -54,11 +69,8 @@ def run_scripts(
     One that fails does not keep the others from being drawn. FigureError then, or if there is no
     such figure. jobs: see ``workers.each``.
     """
-    known = figure_names(scripts)
-    for name in names:
-        if name not in known:
-            raise FigureError(f"expected figures of {', '.join(known)}, got {name!r}")
-    chosen = list(names) or known
+    check_names(names, scripts)
+    chosen = list(names) or figure_names(scripts)
     timed = [name for name in chosen if name in TIMED]
     others = [name for name in chosen if name not in TIMED]
     failed = [
@@ -80,8 +92,7 @@ def _draw(results: Results, folder: Path, scripts: Path, names: Sequence[str], n
     """Draw one of the figures; what kept it from being drawn, in a line."""
     name = names[number]
     try:
-        draw: Draw = runpy.run_path(str(scripts / f"{name}.py"))["draw"]
-        figure, table = draw(results)
+        figure, table = draw_of(name, scripts)(results)
         save_figure(figure, table, folder / name)
     except Exception as error:  # a script may fail in any way; say so and go on
         return f"{name}: {type(error).__name__}: {' '.join(str(error).split())}"

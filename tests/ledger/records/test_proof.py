@@ -20,7 +20,7 @@ def test_one_among_a_thousand(tmp_path: Path) -> None:
             ledger.publish(robot, keys[robot], robot.encode(), "start", 1)
             for robot in ("R000", "R500", "R999")
         ]
-        head = ledger.head.hash
+        head, root = ledger.head.hash, ledger.head.newest_root
         proofs = [ledger.proof(transaction) for transaction in published]
     for transaction, proof in zip(published, proofs, strict=True):
         sent = proof.encode()
@@ -28,6 +28,8 @@ def test_one_among_a_thousand(tmp_path: Path) -> None:
         assert len(proof.path) <= 10
         assert len(sent) < 1200
         verify_proof(head, transaction, Proof.decode(sent))
+        climbed = proof.climbed(transaction)
+        assert len(climbed) == len(proof.path) + 1 and climbed[-1] == root
 
 
 def test_what_a_proof_does_not_show(tmp_path: Path) -> None:

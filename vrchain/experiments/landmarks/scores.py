@@ -1,4 +1,4 @@
-"""Precision, recall and pose of evaluated claims, by variant, as docs/definitions.md has them."""
+"""Precision, recall and pose of claims, by variant, as docs/reference/definitions.md has them."""
 
 import numpy as np
 import pandas as pd
@@ -12,7 +12,7 @@ PRECISIONS = (0.90, 0.95, 0.98)
 def summarise(
     claims: pd.DataFrame, pairs: pd.DataFrame, *, seed: int = 0
 ) -> dict[str, dict[str, object]]:
-    """The figures of each variant, as docs/definitions.md has them, with 95 % intervals.
+    """The figures of each variant, as docs/reference/definitions.md has them, with 95 % intervals.
 
     Intervals: bootstrap over suburbs.
     """

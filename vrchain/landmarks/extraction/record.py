@@ -143,7 +143,7 @@ def _unit(whole: NDArray[np.integer]) -> NDArray[np.float32]:
 def examine_quickly(panorama: Panorama, weights: Path = SHIPPED) -> LandmarkRecord:
     """The same in two thirds of the time, as robots under way do: with the larger keypoints alone.
 
-    What that costs is the row *fewer keypoints* in docs/landmarks.md: hardly anything.
+    What that costs is the row *fewer keypoints* in docs/results/landmarks.md: hardly anything.
     """
     return examine(panorama, weights, features=extract(panorama, shrink=2))
 

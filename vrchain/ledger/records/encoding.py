@@ -2,7 +2,8 @@
 
 A value is a sequence of typed, length-prefixed fields; the first is a domain string with
 the format's version, so that bytes of one kind never pass for another. Every value has
-exactly one encoding and ``decode`` takes no other bytes. docs/ledger-format.md has the rules.
+exactly one encoding and ``decode`` takes no other bytes. docs/reference/ledger-format.md has
+the rules.
 """
 
 import hashlib

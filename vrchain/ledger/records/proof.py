@@ -38,6 +38,11 @@ class Proof:
                 raise RecordError(f"proof: expected a side of 0 or 1, got {side}")
             check_length("proof's sibling", sibling, DIGEST_BYTES)
 
+    def climbed(self, transaction: Transaction) -> list[bytes]:
+        """The hashes from the transaction's row up to the root: one more than there are steps."""
+        row = leaf_of(transaction.robot, transaction.id)
+        return [climb(row, self.path[:steps]) for steps in range(len(self.path) + 1)]
+
     def encode(self) -> bytes:
         """Canonical bytes, to send."""
         return encode(DOMAIN, self.block, self.path)

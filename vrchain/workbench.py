@@ -1,0 +1,120 @@
+"""Steps of a notebook or a script, each in one call. The rest of the package does without them."""
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import pandas as pd
+
+from vrchain.errors import ImageError
+from vrchain.experiments.reproduction.results import Results
+from vrchain.experiments.reproduction.stages import STAGES, reproduce
+from vrchain.geometry import Pose
+from vrchain.homing import HomeVector, snapshot, step
+from vrchain.landmarks.extraction.sift import Features
+from vrchain.landmarks.matching.common import check_comparable
+from vrchain.landmarks.matching.photos import FileComparison, landmarks_of_files
+from vrchain.landmarks.matching.variants import DEFAULT, variant_named
+from vrchain.landmarks.quality import judge
+from vrchain.panorama import Panorama
+from vrchain.world.truth import GroundTruth
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+@dataclass(frozen=True, eq=False)
+class CommonLandmarks(FileComparison):
+    """What two pictures have in common, to be shown and judged.
+
+    keypoints: those of two panoramas that the supports of the claims count by; else None.
+    """
+
+    keypoints: tuple[Features, Features] | None = None
+
+    def figure(self, a: str = "A", b: str = "B") -> "Figure":
+        """The two pictures, called ``a`` and ``b``, and the surest claims in both."""
+        from vrchain.plots.pictures import common_landmarks_figure
+
+        return common_landmarks_figure(self.a_rgb, self.b_rgb, self.claims, self.rig, (a, b))
+
+    def table(self) -> pd.DataFrame:
+        """One row a claim, surest first: see ``plots.pictures.claims_table``."""
+        from vrchain.plots.pictures import claims_table
+
+        return claims_table(self.claims)
+
+    def judged(self, truth: GroundTruth, poses: tuple[Pose, Pose]) -> pd.DataFrame:
+        """What truth says of each claim: the fields of ``landmarks.quality.Verdict``, a row each.
+
+        poses: from which the two panoramas were taken. ImageError for photographs.
+        """
+        if self.rig is None or self.keypoints is None:
+            raise ImageError("expected panoramas of a scene, got photographs: no truth is known")
+        verdicts = judge(self.comparison, truth, poses, self.keypoints, self.rig)
+        return pd.DataFrame(verdicts)
+
+
+def common_landmarks(
+    a: Panorama | str | Path, b: Panorama | str | Path, variant: str = DEFAULT
+) -> CommonLandmarks:
+    """The common landmarks of two panoramas, or of two photographs.
+
+    Each is a panorama, a folder that one was saved to, or the file of a photograph. variant: of
+    panoramas, see ``variants.variant_named``. ImageError names a picture that cannot serve;
+    MissionError: there is no such variant.
+    """
+    left, right = _opened(a), _opened(b)
+    if isinstance(left, Panorama) and isinstance(right, Panorama):
+        chosen = variant_named(variant)
+        check_comparable(left, right)
+        looks = chosen.look(left), chosen.look(right)
+        keypoints = chosen.keypoints(looks[0]), chosen.keypoints(looks[1])
+        pictures = left.cylinder, right.cylinder
+        return CommonLandmarks(chosen.compare(*looks), *pictures, left.rig, keypoints)
+    if isinstance(a, Panorama) or isinstance(b, Panorama):
+        raise ImageError("expected two panoramas, or two files or folders, got one of each")
+    found = landmarks_of_files(a, b, variant)
+    return CommonLandmarks(found.comparison, found.a_rgb, found.b_rgb, found.rig)
+
+
+def _opened(picture: Panorama | str | Path) -> Panorama | Path:
+    if isinstance(picture, Panorama):
+        return picture
+    return Panorama.load(picture) if Path(picture).is_dir() else Path(picture)
+
+
+def home_vector(
+    here: Panorama,
+    home: Panorama,
+    method: str = "epipolar",
+    heading_rad: float | None = None,
+) -> HomeVector | None:
+    """Which way home lies, by the panorama from here and the one from home: ``homing.step``.
+
+    None when the two share too little.
+    """
+    return step(method, snapshot(here), snapshot(home), heading_rad)
+
+
+def reproduced(profile: str | None = None) -> Results:
+    """The results of a profile; those that are not there are made first, which takes minutes.
+
+    profile: quick or paper; the one that VRCHAIN_PROFILE names, or quick, if none is given.
+    """
+    results = Results.here(profile)
+    missing = [stage for stage in STAGES if not results.has(stage)]
+    if missing:
+        reproduce(results, missing)
+    return results
+
+
+def figure(name: str, results: Results | None = None) -> "Figure":
+    """One of the project's figures, by the name of its script in ``figures/``.
+
+    results: that it is drawn from; ``Results.here()`` if none are given. FigureError: there is no
+    such figure. ReproductionError: the stage that it needs has not been run.
+    """
+    from vrchain.plots.scripts import draw_of
+
+    return draw_of(name)(results or Results.here())[0]
