@@ -5,7 +5,7 @@ import socket
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from test_encoding import garbage
+from ledgers import garbage
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import TooLargeError, WireError

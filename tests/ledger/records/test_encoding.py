@@ -1,13 +1,12 @@
 """The encoding is canonical and strict, and garbage never gets past the decoders."""
 
-import random
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from ledgers import KEYS, OPERATOR_KEY, PUBLIC, new_chain, next_entry
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC, garbage, new_chain, next_entry
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
@@ -183,27 +182,11 @@ def test_roots_differ_by_every_row_and_their_number() -> None:
     assert Table(rows).replaced({"R1": bytes(32)}).rows == Table(rows | {"R1": bytes(32)}).rows
 
 
-def garbage(draws: int, good: Sequence[bytes] = (*RECORDS.values(), PROOF)) -> list[bytes]:
-    """Random bytes, and good ones with some bytes changed, cut out, put in or repeated."""
-    source = random.Random(0)
-    found = [source.randbytes(source.randrange(300)) for _ in range(draws // 10)]
-    for number in range(draws):
-        data = bytearray(good[number % len(good)])
-        for _ in range(source.randint(1, 3)):
-            start = source.randrange(len(data) + 1)
-            end = min(len(data), start + source.choice([0, 1, 1, 1, 4, 40]))
-            data[start:end] = source.choice(
-                [b"", b"\0", b"\xff", source.randbytes(end - start), bytes(data[start:end]) * 2]
-            )
-        found.append(bytes(data))
-    return found
-
-
 @pytest.mark.parametrize("count", [500, pytest.param(100_000, marks=pytest.mark.slow)])
 def test_garbage_raises_only_the_ledgers_own_errors(
     count: int, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    refused, strings = 0, garbage(count)
+    refused, strings = 0, garbage(count, [*RECORDS.values(), PROOF])
     for data in strings:
         for decoder in DECODERS:
             try:

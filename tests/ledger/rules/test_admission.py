@@ -5,8 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from ledgers import KEYS, OPERATOR_KEY, new_ledger
-from test_encoding import garbage
+from ledgers import KEYS, OPERATOR_KEY, garbage, new_ledger
 
 from vrchain.errors import LedgerError
 from vrchain.ledger import Admission, Ledger, Limits, Transaction, errors, verify

@@ -1,14 +1,12 @@
 """Writers that are killed, and several at once: nothing acknowledged is lost."""
 
-import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from ledgers import KEYS, ROOT, in_child, new_ledger
+from ledgers import KEYS, child, new_ledger
 
 from vrchain.ledger import Ledger, verify
 from vrchain.seeding import generator
@@ -31,12 +29,7 @@ with Ledger.open(folder, writable=True, wait_s=30) as ledger:
 
 
 def writer(folder: Path, robot: str, count: int, size: int) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", WRITER, str(folder), robot, str(count), str(size)],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests' / 'ledger'}"},
-    )
+    return child(WRITER, folder, robot, count, size)
 
 
 def acknowledged(output: str) -> list[bytes]:
@@ -87,7 +80,8 @@ def test_a_killed_writer_loses_nothing_acknowledged(
 KILLED_AT = """
 import os, signal, sys
 from ledgers import KEYS
-from vrchain.ledger import Ledger, durable, store
+from vrchain.ledger import Ledger, store
+from vrchain.ledger.storage import durable
 
 def die(*given):
     os.kill(os.getpid(), signal.SIGKILL)
@@ -106,8 +100,8 @@ def test_killed_before_the_record_leaves_one_orphan_that_is_cleaned(
     folder = tmp_path / "ledger"
     with new_ledger(folder) as ledger:
         first = ledger.publish("R1", KEYS["R1"], b"first", "start", 1)
-    died = in_child(KILLED_AT, str(folder), moment)
-    assert died.returncode == -signal.SIGKILL, died.stderr
+    died = child(KILLED_AT, folder, moment)
+    assert died.wait(timeout=60) == -signal.SIGKILL
     (orphan,) = {p.name for p in (folder / "blobs").iterdir()} - {first.payload_digest.hex()}
     assert orphan.endswith(".tmp") == (moment == "the blob's rename")
     assert verify(folder).blocks == 2
@@ -162,13 +156,7 @@ with Ledger.open(sys.argv[1]) as ledger:
             print(entry.block.hash.hex())
             break
 """
-    readers = [
-        subprocess.Popen(
-            [sys.executable, "-c", code, str(folder)],
-            stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )
-        for _ in range(3)
-    ]  # fmt: skip
+    readers = [child(code, folder) for _ in range(3)]
     assert len(acknowledged(process.communicate()[0])) == 30
     with Ledger.open(folder) as ledger:
         head = ledger.head.hash.hex()

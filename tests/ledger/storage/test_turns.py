@@ -1,14 +1,11 @@
 """Writers take turns: who came first writes first, and nobody who is gone holds up the others."""
 
-import os
 import signal
-import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from ledgers import KEYS, ROOT, new_ledger
+from ledgers import KEYS, child, new_ledger
 
 from vrchain.ledger import Ledger, verify
 from vrchain.ledger.storage.turns import Turns
@@ -31,22 +28,12 @@ print(count, worst)
 WAITER = """
 import sys
 from pathlib import Path
-from vrchain.ledger.turns import Turns
+from vrchain.ledger.storage.turns import Turns
 turns = Turns(Path(sys.argv[1]), True)
 turns._lock(0, 1, 1)
 print("waits", flush=True)
 sys.stdin.readline()
 """
-
-
-def child(code: str, *arguments: object) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments)],
-        stdin=subprocess.PIPE,
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests' / 'ledger'}"},
-    )
 
 
 def test_writers_that_write_again_and_again_take_turns(tmp_path: Path) -> None:
