@@ -20,7 +20,8 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from vrchain.ledger.errors import KeyFileError
-from vrchain.ledger.records.encoding import check_length, digest, encode
+from vrchain.ledger.records.encoding import digest, encode
+from vrchain.ledger.records.fields import check_length
 
 DATABASE_NAME = "ledger.sqlite"  # its presence makes a folder a ledger
 SIGNATURE_BYTES = 64
