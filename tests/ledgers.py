@@ -54,7 +54,7 @@ def next_entry(
     chain: Chain, robot: str = "R1", timestamp_ns: int = 10, author: str = "R1"
 ) -> Entry:
     """A valid entry with one transaction."""
-    draft = chain.draft_transaction(robot, bytes(32), "view", timestamp_ns)
+    draft = chain.draft(robot, bytes(32), "view", timestamp_ns)
     return entry_of(chain, draft.signed(KEYS[robot]), author=author)
 
 

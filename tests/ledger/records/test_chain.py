@@ -32,7 +32,7 @@ def changed(chain: Chain, **changes: object) -> Entry:
 
 def transaction(chain: Chain, signer: str = "R1", **changes: object) -> Entry:
     """A valid next entry but for these fields of its transaction."""
-    draft = chain.draft_transaction("R1", bytes(32), "view", 30)
+    draft = chain.draft("R1", bytes(32), "view", 30)
     return entry_of(chain, replace(draft, **changes).signed(KEYS[signer]))  # type: ignore[arg-type]
 
 
@@ -74,7 +74,7 @@ def drop(chain: Chain, *blobs: bytes, author: str = OPERATOR, signer: str = "") 
 
 def in_one_block(chain: Chain, **changes: object) -> Entry:
     """Two transactions with one number, both signed by R1."""
-    first = chain.draft_transaction("R1", bytes(32), "view", 30)
+    first = chain.draft("R1", bytes(32), "view", 30)
     second = replace(first, **changes)  # type: ignore[arg-type]
     return entry_of(chain, first.signed(KEYS["R1"]), second.signed(KEYS["R1"]))
 

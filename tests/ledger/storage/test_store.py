@@ -162,12 +162,12 @@ def test_a_transaction_signed_elsewhere_is_appended(tmp_path: Path) -> None:
         draft = ledger.draft_transaction("R2", b"payload", "view", 10)
         transaction = draft.signed(KEYS["R2"])
         with pytest.raises(errors.PayloadDigestError):
-            ledger.append(transaction, b"another", "R1", KEYS["R1"])
-        block = ledger.append(transaction, b"payload", "R1", KEYS["R1"])
+            ledger.append_many([Offer(transaction, b"another")], "R1", KEYS["R1"])
+        block = ledger.append_many([Offer(transaction, b"payload")], "R1", KEYS["R1"])
         assert (block.height, block.author) == (1, "R1")
         assert ledger.latest("R2") == transaction
         with pytest.raises(errors.ReplayError):
-            ledger.append(transaction, b"payload", "R1", KEYS["R1"])
+            ledger.append_many([Offer(transaction, b"payload")], "R1", KEYS["R1"])
 
 
 def test_several_transactions_come_in_one_block_or_none(tmp_path: Path) -> None:
@@ -207,10 +207,10 @@ def test_an_older_number_signed_twice_is_equivocation(tmp_path: Path) -> None:
         first = ledger.publish("R1", KEYS["R1"], b"one", "start", 1)
         ledger.publish("R1", KEYS["R1"], b"two", "time", 2)
         with pytest.raises(errors.EquivocationError, match="two transactions") as raised:
-            ledger.append(second_tale, b"other", "R2", KEYS["R2"])
+            ledger.append_many([Offer(second_tale, b"other")], "R2", KEYS["R2"])
         assert (raised.value.first, raised.value.second) == (first, second_tale)
         with pytest.raises(errors.ReplayError):
-            ledger.append(first, b"one", "R2", KEYS["R2"])
+            ledger.append_many([Offer(first, b"one")], "R2", KEYS["R2"])
 
 
 def test_an_update_verifies_one_signature(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -227,7 +227,9 @@ def test_an_update_verifies_one_signature(tmp_path: Path, monkeypatch: pytest.Mo
         assert verified == [transaction.body]
         draft = ledger.draft_transaction("R2", b"x", "start", 1).signed(KEYS["R2"])
         with pytest.raises(errors.SignatureError, match="key of R1"):
-            ledger.append(draft, b"x", "R1", KEYS["R2"])  # the author's key is another's
+            ledger.append_many(
+                [Offer(draft, b"x")], "R1", KEYS["R2"]
+            )  # the author's key is another's
 
 
 def test_following_what_others_append(tmp_path: Path) -> None:

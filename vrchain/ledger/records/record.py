@@ -11,15 +11,7 @@ which its signature was once found to hold.
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import (
-    Annotated,
-    Any,
-    ClassVar,
-    Self,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from typing import Annotated, Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 from vrchain.ledger.errors import EncodingError, SignatureError
 from vrchain.ledger.records.encoding import (
