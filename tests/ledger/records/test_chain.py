@@ -9,7 +9,7 @@ from ledgers import KEYS, OPERATOR_KEY, PUBLIC, entry_of, new_chain, next_entry
 from vrchain.ledger import errors
 from vrchain.ledger.records.block import Block, Entry, records_root
 from vrchain.ledger.records.encoding import digest
-from vrchain.ledger.records.membership import OPERATOR
+from vrchain.ledger.records.membership import OPERATOR, Drop, Enrolment, Expulsion
 from vrchain.ledger.records.table import Table
 from vrchain.ledger.records.transaction import NO_TRANSACTION, Transaction
 from vrchain.ledger.rules.chain import Chain, genesis_entry
@@ -37,7 +37,7 @@ def transaction(chain: Chain, signer: str = "R1", **changes: object) -> Entry:
 
 
 def enrolment(chain: Chain, author: str = OPERATOR, signer: str = "", **changes: object) -> Entry:
-    draft = chain.draft_enrolment("R3", KEYS["R3"].public, 30)
+    draft = Enrolment(*chain.operators_next(30), "R3", KEYS["R3"].public)
     key = KEYS.get(signer, OPERATOR_KEY)
     return entry_of(chain, replace(draft, **changes).signed(key), author=author)  # type: ignore
 
@@ -63,12 +63,12 @@ def with_newest(chain: Chain, without: str = "", **newest: bytes) -> Entry:
 
 
 def expulsion(chain: Chain, name: str = "R2", author: str = OPERATOR, signer: str = "") -> Entry:
-    draft = chain.draft_expulsion(name, 30)
+    draft = Expulsion(*chain.operators_next(30), name)
     return entry_of(chain, draft.signed(KEYS.get(signer, OPERATOR_KEY)), author=author)
 
 
 def drop(chain: Chain, *blobs: bytes, author: str = OPERATOR, signer: str = "") -> Entry:
-    draft = chain.draft_drop(blobs, 30)
+    draft = Drop(*chain.operators_next(30), tuple(sorted(blobs)))
     return entry_of(chain, draft.signed(KEYS.get(signer, OPERATOR_KEY)), author=author)
 
 
@@ -211,7 +211,7 @@ def test_several_records_in_one_block() -> None:
     """In order: an enrolment, the new member's first, then two of one robot."""
     chain = new_chain()
     helper = new_chain()
-    records = [chain.draft_enrolment("R3", KEYS["R3"].public, 1).signed(OPERATOR_KEY)]
+    records = [Enrolment(*chain.operators_next(1), "R3", KEYS["R3"].public).signed(OPERATOR_KEY)]
     helper.append(*entry_of(helper, *records, author=OPERATOR))  # type: ignore[arg-type]
     for robot in ("R3", "R1", "R1"):
         entry = next_entry(helper, robot, 2)
@@ -315,4 +315,4 @@ def test_a_drop_may_name_what_is_not_newest() -> None:
     chain.append(*drop(chain, b"x" * 32, digest(b"payload")))
     assert chain.state.operator_records == 1
     with pytest.raises(errors.RecordError, match="1 to"):
-        chain.draft_drop((), 30)
+        drop(chain)

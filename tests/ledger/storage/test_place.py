@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from ledgers import KEYS, files, small_ledger
 
-from vrchain.ledger import Ledger, errors, store, verify
+from vrchain.ledger import Ledger, errors, reader, store, verify
 from vrchain.ledger.records.keys import DATABASE_NAME
 from vrchain.ledger.storage.database import insert_entry
 
@@ -92,16 +92,16 @@ def test_a_swap_in_the_middle_of_an_update_is_not_acknowledged(
 def test_a_swap_while_it_is_opened_is_noticed(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    read_state = store.read_state
+    read_state = reader.read_state
 
     def swapped(db: sqlite3.Connection) -> object:
         SWAPS["folder restored"](folder)
         return read_state(db)
 
-    monkeypatch.setattr(store, "read_state", swapped)
+    monkeypatch.setattr(reader, "read_state", swapped)
     with pytest.raises(errors.ReplacedError):
         Ledger.open(folder)
-    monkeypatch.setattr(store, "read_state", read_state)
+    monkeypatch.setattr(reader, "read_state", read_state)
     shutil.rmtree(folder.with_name("moved"))
     found = verify(folder, progress=lambda done, total: done == 6 and SWAPS["folder moved"](folder))
     assert not found.ok and "open it again" in found.reason

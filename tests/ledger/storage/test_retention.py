@@ -9,7 +9,7 @@ from ledgers import KEYS, OPERATOR_KEY, files, long_ledger, new_ledger, small_le
 
 from vrchain.ledger import Ledger, errors, verify
 from vrchain.ledger.records.encoding import digest
-from vrchain.ledger.storage.retention import blobs_to_keep, old_blobs
+from vrchain.ledger.storage.retention import Retention, old_blobs
 
 
 def stored(folder: Path) -> set[bytes]:
@@ -100,7 +100,7 @@ def test_bytes_that_two_robots_published_stay_while_one_needs_them(tmp_path: Pat
         assert ledger.drop_old(1, OPERATOR_KEY, 4) == []
         records = [record for entry in ledger.entries() for record in entry.records]
         assert old_blobs(records, keep=1) == []
-        assert blobs_to_keep(records) == {digest(b"same"), digest(b"more")}
+        assert set(Retention(records).kept) == {digest(b"same"), digest(b"more")}
 
 
 def test_keeping_more_than_one(tmp_path: Path) -> None:

@@ -36,9 +36,9 @@ def test_what_was_published_is_read_back_by_a_fresh_handle(tmp_path: Path) -> No
         assert ledger.transaction(newest.id) == newest
         assert [t.sequence for t in ledger.history("R1")] == [0, 1]
         assert ledger.history("R1")[-1] == newest
-        assert [block.height for block in ledger.blocks()] == list(range(6))
-        assert [block.height for block in ledger.blocks(from_height=4)] == [4, 5]
-        blocks = list(ledger.blocks())
+        blocks = [entry.block for entry in ledger.entries()]
+        assert [block.height for block in blocks] == list(range(6))
+        assert [entry.block.height for entry in ledger.entries(from_height=4)] == [4, 5]
         assert [b.previous_hash for b in blocks[1:]] == [b.hash for b in blocks[:-1]]
         assert dict(blocks[-1].newest) == {
             robot: t.id for robot in ledger.robots if (t := ledger.latest(robot))
@@ -252,12 +252,12 @@ def test_following_what_others_append(tmp_path: Path) -> None:
 def test_every_block_has_its_own_table_wherever_one_starts_to_read(tmp_path: Path) -> None:
     long_ledger(tmp_path / "ledger")
     with Ledger.open(tmp_path / "ledger") as ledger:
-        tables = [block.newest for block in ledger.blocks()]
+        tables = [entry.block.newest for entry in ledger.entries()]
         assert tables[0] == (("R1", bytes(32)), ("R2", bytes(32)))
         assert [robot for robot, _ in tables[3]] == ["R1", "R2", "R3"]
         assert [robot for robot, _ in tables[-1]] == ["R1", "R2"]
         for height in range(len(tables)):
-            assert [b.newest for b in ledger.blocks(height)] == tables[height:]
+            assert [e.block.newest for e in ledger.entries(height)] == tables[height:]
             assert ledger.entry(height).block.newest == tables[height]
         assert ledger.head.newest == tables[-1]
 

@@ -143,6 +143,8 @@ def read_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entr
         except StorageError:
             if len(heights) == 1:
                 raise
+            blocks = None
+        if blocks is None:  # out of ``except``, whose error holds on to all rows that were read
             for height in heights:  # one by one, to come to the one that cannot be read
                 yield from read_entries(db, height, height + 1)
             continue
