@@ -1,4 +1,4 @@
-"""A block: one link of the chain, with every robot's newest transaction."""
+"""A block: one link of the chain. Its hash covers all fields of ``Block`` and the signature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -15,13 +15,11 @@ from typing import Annotated, Any, ClassVar, Self, get_args, get_origin, get_typ
 
 from vrchain.ledger.errors import EncodingError, SignatureError
 from vrchain.ledger.records.encoding import (
-    MAX_RECORD_BYTES,
     Field,
     check_kinds,
     decode,
     digest,
     encode,
-    encode_fields,
     split,
 )
 from vrchain.ledger.records.fields import Checked, check_length
@@ -29,19 +27,13 @@ from vrchain.ledger.records.keys import SIGNATURE_BYTES, PublicKey, SigningKey
 
 SIGNED_DOMAIN = "vrchain/2/signed"
 
-# encode(SIGNED_DOMAIN, body, signature) has these bytes around the body and its length.
-_BEFORE_BODY = encode(SIGNED_DOMAIN, b"")[:-4]
-_BODY_START = len(_BEFORE_BODY) + 4
-_AFTER_BODY = encode_fields(bytes(SIGNATURE_BYTES))[:-SIGNATURE_BYTES]
-_LEAST_BYTES = _BODY_START + len(_AFTER_BODY) + SIGNATURE_BYTES
-
 
 @dataclass(frozen=True)
 class SignedRecord:
     """Base of the record kinds. An empty signature marks a draft, which has no canonical bytes."""
 
     DOMAIN: ClassVar[str]
-    _names: ClassVar[tuple[str, ...]]  # of the fields that the body holds, in its order
+    field_names: ClassVar[tuple[str, ...]]  # of those that are declared, in the body's order
     _types: ClassVar[tuple[type, ...]]
     _checks: ClassVar[tuple[Checked, ...]]
 
@@ -50,12 +42,12 @@ class SignedRecord:
     def __init_subclass__(cls) -> None:
         hints = get_type_hints(cls, include_extras=True)
         declared = {name: get_args(h) for name, h in hints.items() if get_origin(h) is Annotated}
-        cls._names = tuple(declared)
+        cls.field_names = tuple(declared)
         cls._types = tuple([get_origin(kind) or kind for kind, _ in declared.values()])
         cls._checks = tuple([checked for _, checked in declared.values()])
 
     def __post_init__(self) -> None:
-        for name, (what, check) in zip(self._names, self._checks, strict=True):
+        for name, (what, check) in zip(self.field_names, self._checks, strict=True):
             check(what, getattr(self, name))
 
     @cached_property
@@ -98,7 +90,7 @@ class SignedRecord:
         return record
 
     def _fields(self) -> tuple[Field, ...]:
-        return tuple([getattr(self, name) for name in self._names])
+        return tuple([getattr(self, name) for name in self.field_names])
 
     @classmethod
     def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
@@ -110,22 +102,12 @@ def decode_signed(data: bytes, kinds: dict[str, type[SignedRecord]]) -> SignedRe
 
     Raises EncodingError, RecordError or TooLargeError for anything else.
     """
-    body, signature = _opened(data)
+    fields = decode(data, SIGNED_DOMAIN)
+    body, signature = check_kinds("signed record", fields, bytes, bytes)
+    check_length("signature", signature, SIGNATURE_BYTES)
     domain, fields = split(body)
     if domain not in kinds:
         raise EncodingError(f"expected a record of {' or '.join(kinds)}, got {domain!r:.80}")
     record = kinds[domain]._from_fields(fields, signature)
     record.__dict__.update(body=body, record=data)  # what decodes is canonical
     return record
-
-
-def _opened(data: bytes) -> tuple[bytes, bytes]:
-    """Body and signature. What has the shape of all records is cut; the decoder judges the rest."""
-    if type(data) is bytes and _LEAST_BYTES <= len(data) <= MAX_RECORD_BYTES:
-        end = len(data) - len(_AFTER_BODY) - SIGNATURE_BYTES
-        before = _BEFORE_BODY + (end - _BODY_START).to_bytes(4, "big")
-        if data.startswith(before) and data.startswith(_AFTER_BODY, end):
-            return data[_BODY_START:end], data[-SIGNATURE_BYTES:]
-    body, signature = check_kinds("signed record", decode(data, SIGNED_DOMAIN), bytes, bytes)
-    check_length("signature", signature, SIGNATURE_BYTES)
-    return body, signature
