@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeAlias
 
-from vrchain.ledger.errors import RecordError
+from vrchain.ledger.errors import RecordError, SignatureError
 from vrchain.ledger.records.block import NO_BLOCK, Block, Entry, Record, records_root
 from vrchain.ledger.records.keys import PublicKey, SigningKey
 from vrchain.ledger.records.membership import OPERATOR, Genesis
 from vrchain.ledger.records.transaction import NO_BLOB, NO_TRANSACTION, Transaction
-from vrchain.ledger.rules.validity import State, begin, check_author, follow, table_of, take
+from vrchain.ledger.rules.validity import State, begin, follow, table_of, take
 
 Lap: TypeAlias = Callable[[str], object]
 
@@ -99,7 +99,8 @@ class Replica:
         """
         head = self.state.head
         after = take(self.state, records, author, self._earlier)
-        check_author(after, author, key.public)  # the block's own signature need not be, then
+        if after.public_key(author).raw != key.public.raw:
+            raise SignatureError(f"expected the key of {author} to sign a block with, got another")
         lap("validate")
         draft = Block(
             head.height + 1,

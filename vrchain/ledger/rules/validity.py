@@ -16,7 +16,6 @@ from vrchain.ledger.errors import (
     RecordListError,
     ReplayError,
     SequenceGapError,
-    SignatureError,
     TimeOrderError,
     UnknownMemberError,
     WrongLedgerError,
@@ -135,8 +134,12 @@ def take(
                 f"this one is {state.genesis.id.hex()}"
             )
         if isinstance(record, Transaction):
-            _check_publication(state, record, published, earlier)
-            published[record.robot] = record
+            robot = record.robot
+            if robot not in state.members:
+                raise state.not_a_member(robot)
+            last = published.get(robot) or state.newest[robot]
+            check_transaction(record, state.members[robot], last, earlier)
+            published[robot] = record
         else:
             state = _govern(_published(state, published), record, author)
             published = {}
@@ -170,12 +173,6 @@ def check_transaction(
     record.check_signature(record.robot, public)
 
 
-def check_author(state: State, author: str, public: PublicKey) -> None:
-    """Raise UnknownMemberError or SignatureError unless ``public`` is the author's key."""
-    if state.public_key(author).raw != public.raw:
-        raise SignatureError(f"expected the key of {author} to sign a block with, got another")
-
-
 def _check_link(block: Block, height: int, previous_hash: bytes, not_before_ns: int) -> None:
     if block.height != height:
         raise BrokenLinkError(f"expected a block of height {height}, got {block.height}")
@@ -193,16 +190,6 @@ def _check_order(what: Block | Transaction, timestamp_ns: int, not_before_ns: in
             f"expected {what} to be no earlier than {not_before_ns} ns, got {timestamp_ns} ns; set "
             "its clock, or if the one before was ahead, expel the robot and enrol it anew"
         )
-
-
-def _check_publication(
-    state: State, record: Transaction, published: Mapping[str, Transaction], earlier: Earlier
-) -> None:
-    robot = record.robot
-    public = state.members.get(robot)
-    if public is None:
-        raise state.not_a_member(robot)
-    check_transaction(record, public, published.get(robot) or state.newest[robot], earlier)
 
 
 def _published(state: State, published: Mapping[str, Transaction]) -> State:

@@ -46,9 +46,8 @@ CREATE INDEX robots ON records (robot);
 
 _LOG_PAGES = 256  # of 4 KiB, before SQLite's log is written back: it is a small part of the disk
 _ORDER = "ORDER BY height, position"  # the chain's
-_CHUNK = 64  # blocks that are read at a time
 _CELL_BYTES = 2 * MAX_RECORD_BYTES  # a stored value larger than this is not even read
-_ROWS_BYTES = MAX_PAYLOAD_BYTES  # of one block, or of those read at a time
+_ROWS_BYTES = MAX_PAYLOAD_BYTES  # of one block
 
 _BlockRow: TypeAlias = tuple[int, bytes, bytes]
 _RecordRow: TypeAlias = tuple[int, int, bytes, str | None, bytes]
@@ -130,45 +129,20 @@ def insert_entry(db: sqlite3.Connection, entry: Entry) -> None:
 
 
 def read_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entry]:
-    """The entries from height ``start`` to before ``stop``, some at a time.
+    """The entries from height ``start`` to before ``stop``.
 
     NotFoundError where a block is missing, DamagedError unless every stored byte and column
     is what these records make it. Whether they follow the chain, and whether a block's roots
     are those of its records and table, is not judged here.
     """
-    for first in range(start, stop, _CHUNK):
-        heights = range(first, min(first + _CHUNK, stop))
-        try:
-            blocks, records = _read_rows(db, heights)
-        except StorageError:
-            if len(heights) == 1:
-                raise
-            blocks = None
-        if blocks is None:  # out of ``except``, whose error holds on to all rows that were read
-            for height in heights:  # one by one, to come to the one that cannot be read
-                yield from read_entries(db, height, height + 1)
-            continue
-        for height in heights:
-            if height not in blocks:
-                raise NotFoundError(f"block {height} is missing")
-            yield _entry(blocks[height], records.get(height, []))
-
-
-def _read_rows(
-    db: sqlite3.Connection, heights: range
-) -> tuple[dict[int, _BlockRow], dict[int, list[_RecordRow]]]:
-    """The rows of the blocks at these heights, and those of their records."""
-    first, last = heights[0], heights[-1]
-    blocks: dict[int, _BlockRow] = {}
-    records: dict[int, list[_RecordRow]] = {}
-    with storage_errors(f"reading blocks {first} to {last}"):
-        query = "SELECT * FROM blocks WHERE height BETWEEN ? AND ?"
-        for row in _bounded(db.execute(query, (first, last))):
-            blocks[row[0]] = row
-        query = f"SELECT * FROM records WHERE height BETWEEN ? AND ? {_ORDER}"
-        for row in _bounded(db.execute(query, (first, last))):
-            records.setdefault(row[0], []).append(row)
-    return blocks, records
+    for height in range(start, stop):
+        with storage_errors(f"reading blocks {height} to {height}"):
+            blocks = list(_bounded(db.execute("SELECT * FROM blocks WHERE height = ?", (height,))))
+            query = f"SELECT * FROM records WHERE height = ? {_ORDER}"
+            rows = list(_bounded(db.execute(query, (height,))))
+        if not blocks:
+            raise NotFoundError(f"block {height} is missing")
+        yield _entry(blocks[0], rows)
 
 
 def _bounded(rows: Iterable[Any]) -> Iterator[Any]:
