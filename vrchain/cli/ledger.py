@@ -1,24 +1,22 @@
 """The command ``vrchain ledger``: make, fill, look at and check a ledger's folder."""
 
-import contextlib
 import json
 import os
 import time
-from collections.abc import Iterator
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
+from vrchain.cli.ledger_keys import default_keys, key_of, saved_keys
 from vrchain.cli.ledger_panoramas import PICTURES, check_landmarks, export_pictures, panorama_in
 from vrchain.errors import printable
 from vrchain.files import check_output_file, check_output_folder, write_file
-from vrchain.ledger import OPERATOR, Ledger, SigningKey, errors, load_key, random_key, save_key
+from vrchain.ledger import OPERATOR, Ledger, errors, random_key
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES
-from vrchain.ledger.records.keys import PublicKey
 from vrchain.ledger.records.membership import check_member_name
 
 _DAY_NS = 86_400_000_000_000
@@ -60,12 +58,12 @@ def init(
         if members.count(robot) > 1:
             raise errors.DuplicateMemberError(f"expected each --member once, got {robot} twice")
     signing = {robot: random_key() for robot in [OPERATOR, *members]}
-    key_folder = keys or _default_keys(signing[OPERATOR].public)
+    key_folder = keys or default_keys(signing[OPERATOR].public)
     if key_folder.resolve().is_relative_to(ledger.resolve()):
         raise errors.KeyFileError(f"keys stay outside ledgers, but {key_folder} lies in {ledger}")
     public, now_ns = {robot: signing[robot].public for robot in members}, time.time_ns()
     with (
-        _saved_keys(key_folder, signing),
+        saved_keys(key_folder, signing),
         Ledger.create(
             ledger, public, signing[OPERATOR], timestamp_ns=now_ns, name=name, salt=os.urandom(16)
         ) as made,
@@ -97,9 +95,9 @@ def enroll(
             raise errors.ExpelledMemberError(
                 f"{name} was expelled from {ledger}; choose another name"
             )
-        key_folder = keys or _default_keys(opened.genesis.operator)
-        operator, key = _key(opened, keys), random_key()
-        with _saved_keys(key_folder, {name: key}):
+        key_folder = keys or default_keys(opened.genesis.operator)
+        operator, key = key_of(opened, keys), random_key()
+        with saved_keys(key_folder, {name: key}):
             opened.enrol(name, key.public, operator, _now_ns(opened, clock_is_right))
         result = {
             "name": name,
@@ -121,7 +119,7 @@ def expel(
 ) -> None:
     """End the membership of the robot NAME for ever, signed by the operator."""
     with Ledger.open(ledger, writable=True) as opened:
-        opened.expel(name, _key(opened, keys), _now_ns(opened, clock_is_right))
+        opened.expel(name, key_of(opened, keys), _now_ns(opened, clock_is_right))
         result = {"name": name, **_head(opened)}
     _say(as_json, result, f"expelled {name} in block {result['height']}; the name is used up")
 
@@ -151,7 +149,7 @@ def append(
     with Ledger.open(ledger, writable=True) as opened:
         opened.refresh()
         reason = reason or ("time" if opened.latest(robot) else "start")
-        key, now_ns = _key(opened, keys, robot), _now_ns(opened, clock_is_right)
+        key, now_ns = key_of(opened, keys, robot), _now_ns(opened, clock_is_right)
         made = opened.publish(robot, key, payload, reason, now_ns, landmarks=seen)
         result = {**_head(opened), **record_json(made)}
     _say(as_json, result, f"{made} in block {result['height']}: {made.id.hex()}")
@@ -221,7 +219,7 @@ def drop(
 ) -> None:
     """Let old panoramas and landmark records go; the operator signs which. Records stay."""
     with Ledger.open(ledger, writable=True) as opened:
-        records = opened.drop_old(keep, _key(opened, keys), _now_ns(opened, clock_is_right))
+        records = opened.drop_old(keep, key_of(opened, keys), _now_ns(opened, clock_is_right))
         result = {"dropped": sum(len(record.blobs) for record in records), **_head(opened)}
     said = f"blobs dropped from {ledger}: {result['dropped']}; its head is block {result['height']}"
     _say(as_json, result, said)
@@ -292,36 +290,6 @@ def _now_ns(ledger: Ledger, clock_is_right: bool) -> int:
             "is right, say --clock-is-right"
         )
     return now_ns
-
-
-def _default_keys(operator: PublicKey) -> Path:
-    """Each ledger has its own folder of keys, known by its operator's public key."""
-    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(config) / "vrchain" / "keys" / operator.raw.hex()[:16]
-
-
-def _key(ledger: Ledger, keys: Path | None, name: str = OPERATOR) -> SigningKey:
-    return load_key((keys or _default_keys(ledger.genesis.operator)) / f"{name}.pem")
-
-
-@contextlib.contextmanager
-def _saved_keys(key_folder: Path, keys: dict[str, SigningKey]) -> Iterator[None]:
-    """Save the keys before what needs them; take them back if that fails."""
-    is_new = not key_folder.exists()
-    saved: list[Path] = []
-    try:
-        for name, key in keys.items():
-            path = key_folder / f"{name}.pem"
-            save_key(key, path)
-            saved.append(path)
-        yield
-    except BaseException:
-        for path in saved:
-            path.unlink(missing_ok=True)
-        if is_new:
-            with contextlib.suppress(OSError):
-                key_folder.rmdir()
-        raise
 
 
 def _read_payload(file: Path) -> bytes:

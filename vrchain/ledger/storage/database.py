@@ -137,24 +137,25 @@ def read_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entr
     """
     for height in range(start, stop):
         with storage_errors(f"reading blocks {height} to {height}"):
-            blocks = list(_bounded(db.execute("SELECT * FROM blocks WHERE height = ?", (height,))))
+            block = db.execute("SELECT * FROM blocks WHERE height = ?", (height,)).fetchone()
             query = f"SELECT * FROM records WHERE height = ? {_ORDER}"
-            rows = list(_bounded(db.execute(query, (height,))))
-        if not blocks:
+            rows = _bounded(db.execute(query, (height,)))
+        if block is None:
             raise NotFoundError(f"block {height} is missing")
-        yield _entry(blocks[0], rows)
+        yield _entry(block, rows)
 
 
-def _bounded(rows: Iterable[Any]) -> Iterator[Any]:
-    """The rows, as long as they have no more bytes than are taken into memory. DamagedError."""
-    size = 0
+def _bounded(rows: Iterable[_RecordRow]) -> list[_RecordRow]:
+    """The rows, if they have no more bytes than are taken into memory. DamagedError."""
+    found, size = [], 0
     for row in rows:
+        found.append(row)
         size += _size_of(row)
         if size > _ROWS_BYTES:
             raise DamagedError(
                 f"the rows of one block, or of several, have over {_ROWS_BYTES} bytes"
             )
-        yield row
+    return found
 
 
 def _size_of(row: tuple[object, ...]) -> int:
