@@ -124,8 +124,8 @@ class Ledger(Reader):
         landmarks: bytes | None = None,
     ) -> Transaction:
         """The robot's next transaction after ``head``, for it to sign: ``draft.signed(key)``."""
-        digests = blob_digest(payload), blob_digest(landmarks)
-        return self.draft(robot, digests[0], reason, timestamp_ns, digests[1])
+        seen = blob_digest(landmarks)
+        return self.draft(robot, blob_digest(payload), reason, timestamp_ns, seen)
 
     def append_many(self, offers: Sequence[Offer], author: str, key: SigningKey) -> Block:
         """Append transactions that their robots signed, all in one block by ``author``.
@@ -232,8 +232,9 @@ class Ledger(Reader):
                 self.refresh()
                 yield
             finally:
-                if self._db.in_transaction:
-                    self._db.execute("ROLLBACK")
+                if self._db.in_transaction:  # a full disk may have ended it
+                    with storage_errors(f"taking back a write to {self.folder}"):
+                        self._db.execute("ROLLBACK")
 
     def _begin(self, wait_s: float) -> None:
         """Take SQLite's write lock; the queue has used up the patience if ``wait_s`` is 0."""
@@ -256,9 +257,7 @@ class Ledger(Reader):
                     self._blobs.put(blob, data)
                 insert_entry(self._db, entry)
             except BaseException:
-                if self._db.in_transaction:  # a full disk may have ended it
-                    self._db.execute("ROLLBACK")
-                for blob in written:
+                for blob in written:  # still under the lock: no other writer needs them yet
                     self._blobs.remove(blob)
                 raise
             # From here on blobs stay: another ledger's folder may be there, which needs them, or
