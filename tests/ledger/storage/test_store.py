@@ -7,15 +7,7 @@ from pathlib import Path
 from unittest.mock import patch
 
 import pytest
-from ledgers import (
-    KEYS,
-    OPERATOR_KEY,
-    PUBLIC,
-    files,
-    long_ledger,
-    new_ledger,
-    said_by,
-)
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC, files, long_ledger, new_ledger, said_by
 
 from vrchain.ledger import NO_BLOB, Ledger, Offer, PublicKey, errors, random_key, verify
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES, digest

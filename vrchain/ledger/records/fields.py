@@ -10,7 +10,7 @@ from itertools import pairwise
 from typing import Annotated, Any, NamedTuple, TypeAlias
 
 from vrchain.ledger.errors import RecordError
-from vrchain.ledger.records.encoding import DIGEST_BYTES, MAX_INTEGER, MAX_PAYLOAD_BYTES, too_large
+from vrchain.ledger.records.encoding import DIGEST_BYTES, MAX_INTEGER
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
@@ -53,14 +53,6 @@ def check_sorted(what: str, values: Sequence[Any]) -> None:
     """Refuse with RecordError what is not sorted, or holds a value twice."""
     if any(first >= second for first, second in pairwise(values)):
         raise RecordError(f"{what}: expected them sorted, each once, got {values!r:.200}")
-
-
-def check_payload(payload: bytes) -> None:
-    """Refuse a payload that is not bytes (RecordError) or is too large (TooLargeError)."""
-    if type(payload) is not bytes:
-        raise RecordError(f"payload: expected bytes, got {type(payload).__name__}")
-    if len(payload) > MAX_PAYLOAD_BYTES:
-        raise too_large("payload", len(payload), MAX_PAYLOAD_BYTES)
 
 
 LedgerId: TypeAlias = Annotated[bytes, Checked("ledger id", check_digest)]

@@ -14,14 +14,7 @@ from functools import cached_property
 from typing import Annotated, Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 from vrchain.ledger.errors import EncodingError, SignatureError
-from vrchain.ledger.records.encoding import (
-    Field,
-    check_kinds,
-    decode,
-    digest,
-    encode,
-    split,
-)
+from vrchain.ledger.records.encoding import Field, check_kinds, decode, digest, encode, split
 from vrchain.ledger.records.fields import Checked, check_length
 from vrchain.ledger.records.keys import SIGNATURE_BYTES, PublicKey, SigningKey
 
@@ -33,13 +26,14 @@ class SignedRecord:
     """Base of the record kinds. An empty signature marks a draft, which has no canonical bytes."""
 
     DOMAIN: ClassVar[str]
-    field_names: ClassVar[tuple[str, ...]]  # of those that are declared, in the body's order
+    field_names: ClassVar[tuple[str, ...]]  # of what the body holds behind the domain, in its order
     _types: ClassVar[tuple[type, ...]]
     _checks: ClassVar[tuple[Checked, ...]]
 
     signature: bytes = field(default=b"", kw_only=True)
 
     def __init_subclass__(cls) -> None:
+        """Look once which fields are annotated with ``Checked``: these are the body's."""
         hints = get_type_hints(cls, include_extras=True)
         declared = {name: get_args(h) for name, h in hints.items() if get_origin(h) is Annotated}
         cls.field_names = tuple(declared)

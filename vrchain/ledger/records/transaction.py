@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from vrchain.ledger.errors import PayloadDigestError, RecordError
-from vrchain.ledger.records.encoding import NO_DIGEST, digest
+from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES, NO_DIGEST, digest, too_large
 from vrchain.ledger.records.fields import (
     Checked,
     LedgerId,
@@ -12,7 +12,6 @@ from vrchain.ledger.records.fields import (
     Timestamp,
     check_digest,
     check_name,
-    check_payload,
 )
 from vrchain.ledger.records.record import SignedRecord
 
@@ -86,5 +85,8 @@ def blob_digest(blob: bytes | None) -> bytes:
     """SHA-256 of a blob, NO_BLOB of none. RecordError or TooLargeError for what is no blob."""
     if blob is None:
         return NO_BLOB
-    check_payload(blob)
+    if type(blob) is not bytes:
+        raise RecordError(f"payload: expected bytes, got {type(blob).__name__}")
+    if len(blob) > MAX_PAYLOAD_BYTES:
+        raise too_large("payload", len(blob), MAX_PAYLOAD_BYTES)
     return digest(blob)
