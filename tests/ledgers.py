@@ -1,5 +1,6 @@
-"""Small ledgers for the tests."""
+"""Small ledgers for the tests, and other processes that use them."""
 
+import os
 import random
 import subprocess
 import sys
@@ -53,7 +54,7 @@ def next_entry(
     chain: Chain, robot: str = "R1", timestamp_ns: int = 10, author: str = "R1"
 ) -> Entry:
     """A valid entry with one transaction."""
-    draft = chain.draft_transaction(robot, bytes(32), "view", timestamp_ns)
+    draft = chain.draft(robot, bytes(32), "view", timestamp_ns)
     return entry_of(chain, draft.signed(KEYS[robot]), author=author)
 
 
@@ -75,16 +76,41 @@ def entry_of(chain: Chain, *records: Record, author: str = "R1") -> Entry:
     return Entry(block.signed(KEYS.get(author, OPERATOR_KEY)), records)
 
 
-def in_child(code: str, *arguments: str, hash_seed: str = "0") -> subprocess.CompletedProcess[str]:
-    """Run code in a fresh interpreter."""
-    return subprocess.run(
-        [sys.executable, "-c", code, *arguments],
-        capture_output=True,
+def child(code: str, *arguments: object, hash_seed: str = "0") -> subprocess.Popen[str]:
+    """Code in a fresh interpreter, which finds this module."""
+    paths = {"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "PYTHONHASHSEED": hash_seed}
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
         text=True,
-        check=False,
-        timeout=60,
-        env={"PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}", "PYTHONHASHSEED": hash_seed},
+        env={**os.environ, **paths},
     )
+
+
+def said_by(code: str, *arguments: object, hash_seed: str = "0") -> str:
+    """What code prints in a fresh interpreter, which ends without an error."""
+    process = child(code, *arguments, hash_seed=hash_seed)
+    said, complaint = process.communicate(timeout=60)
+    assert process.returncode == 0, complaint
+    return said
+
+
+def garbage(draws: int, good: Sequence[bytes]) -> list[bytes]:
+    """Random bytes, and good ones with some bytes changed, cut out, put in or repeated."""
+    source = random.Random(0)
+    found = [source.randbytes(source.randrange(300)) for _ in range(draws // 10)]
+    for number in range(draws):
+        data = bytearray(good[number % len(good)])
+        for _ in range(source.randint(1, 3)):
+            start = source.randrange(len(data) + 1)
+            end = min(len(data), start + source.choice([0, 1, 1, 1, 4, 40]))
+            data[start:end] = source.choice(
+                [b"", b"\0", b"\xff", source.randbytes(end - start), bytes(data[start:end]) * 2]
+            )
+        found.append(bytes(data))
+    return found
 
 
 def long_ledger(folder: Path) -> bytes:

@@ -1,44 +1,24 @@
 """The command ``vrchain ledger``: make, fill, look at and check a ledger's folder."""
 
-import contextlib
 import json
 import os
 import time
-from collections.abc import Iterator
+from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from vrchain.errors import ImageError, printable
-from vrchain.files import check_output_file, check_output_folder, output_folder, write_file
-from vrchain.ledger import (
-    Ledger,
-    PublicKey,
-    SigningKey,
-    Transaction,
-    load_key,
-    random_key,
-    save_key,
-)
+from vrchain.cli.ledger_keys import default_keys, key_of, saved_keys
+from vrchain.cli.ledger_panoramas import PICTURES, check_landmarks, export_pictures, panorama_in
+from vrchain.errors import printable
+from vrchain.files import check_output_file, check_output_folder, write_file
+from vrchain.ledger import OPERATOR, Ledger, errors, random_key
 from vrchain.ledger import verify as verify_ledger
-from vrchain.ledger.errors import (
-    ClockSkewError,
-    DamagedError,
-    DroppedError,
-    DuplicateMemberError,
-    ExpelledMemberError,
-    KeyFileError,
-    PayloadFileError,
-    RecordError,
-    TooLargeError,
-)
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES
-from vrchain.ledger.records.membership import OPERATOR, check_member_name
-from vrchain.ledger.records.transaction import NO_BLOB
+from vrchain.ledger.records.membership import check_member_name
 
-_PICTURES = "pictures.json"  # the table beside exported pictures
 _DAY_NS = 86_400_000_000_000
 _REST_DAYS = 30  # that a ledger may rest before the clock is doubted
 _NEWEST = "transaction {sequence}, {reason}, {timestamp_ns} ns, {id}"
@@ -76,20 +56,16 @@ def init(
     for robot in members:
         check_member_name(robot)
         if members.count(robot) > 1:
-            raise DuplicateMemberError(f"expected each --member once, got {robot} twice")
+            raise errors.DuplicateMemberError(f"expected each --member once, got {robot} twice")
     signing = {robot: random_key() for robot in [OPERATOR, *members]}
-    key_folder = keys or _default_keys(signing[OPERATOR].public)
+    key_folder = keys or default_keys(signing[OPERATOR].public)
     if key_folder.resolve().is_relative_to(ledger.resolve()):
-        raise KeyFileError(f"keys stay outside ledgers, but {key_folder} lies in {ledger}")
+        raise errors.KeyFileError(f"keys stay outside ledgers, but {key_folder} lies in {ledger}")
+    public, now_ns = {robot: signing[robot].public for robot in members}, time.time_ns()
     with (
-        _saved_keys(key_folder, signing),
+        saved_keys(key_folder, signing),
         Ledger.create(
-            ledger,
-            {robot: signing[robot].public for robot in members},
-            signing[OPERATOR],
-            timestamp_ns=time.time_ns(),
-            name=name,
-            salt=os.urandom(16),
+            ledger, public, signing[OPERATOR], timestamp_ns=now_ns, name=name, salt=os.urandom(16)
         ) as made,
     ):
         result = {
@@ -114,24 +90,23 @@ def enroll(
     check_member_name(name)
     with Ledger.open(ledger, writable=True) as opened:
         if name in opened.members:
-            raise DuplicateMemberError(f"{name} is a member of {ledger} already")
+            raise errors.DuplicateMemberError(f"{name} is a member of {ledger} already")
         if name in opened.expelled:
-            raise ExpelledMemberError(f"{name} was expelled from {ledger}; choose another name")
-        key_folder = keys or _default_keys(opened.genesis.operator)
-        operator = _operator_key(opened, keys)
-        key = random_key()
-        with _saved_keys(key_folder, {name: key}):
+            raise errors.ExpelledMemberError(
+                f"{name} was expelled from {ledger}; choose another name"
+            )
+        key_folder = keys or default_keys(opened.genesis.operator)
+        operator, key = key_of(opened, keys), random_key()
+        with saved_keys(key_folder, {name: key}):
             opened.enrol(name, key.public, operator, _now_ns(opened, clock_is_right))
         result = {
             "name": name,
             "public_key": key.public.raw.hex(),
-            "height": opened.head.height,
-            "head": opened.head.hash.hex(),
+            **_head(opened),
             "keys": str(key_folder),
         }
-    _say(
-        as_json, result, f"enrolled {name} in block {result['height']}; its key is in {key_folder}"
-    )
+    said = f"enrolled {name} in block {result['height']}; its key is in {key_folder}"
+    _say(as_json, result, said)
 
 
 @app.command()
@@ -144,10 +119,9 @@ def expel(
 ) -> None:
     """End the membership of the robot NAME for ever, signed by the operator."""
     with Ledger.open(ledger, writable=True) as opened:
-        opened.expel(name, _operator_key(opened, keys), _now_ns(opened, clock_is_right))
-        head = opened.head
-    result = {"name": name, "height": head.height, "head": head.hash.hex()}
-    _say(as_json, result, f"expelled {name} in block {head.height}; the name is used up")
+        opened.expel(name, key_of(opened, keys), _now_ns(opened, clock_is_right))
+        result = {"name": name, **_head(opened)}
+    _say(as_json, result, f"expelled {name} in block {result['height']}; the name is used up")
 
 
 @app.command()
@@ -171,17 +145,14 @@ def append(
     The folder of a panorama will do too: it is published as robots do, its landmarks beside it.
     """
     seen = _read_payload(landmarks) if landmarks else None
-    payload, seen = _panorama_in(file, seen) if file.is_dir() else (_read_payload(file), seen)
+    payload, seen = panorama_in(file, seen) if file.is_dir() else (_read_payload(file), seen)
     with Ledger.open(ledger, writable=True) as opened:
         opened.refresh()
         reason = reason or ("time" if opened.latest(robot) else "start")
-        key = load_key(_key_path(keys or _default_keys(opened.genesis.operator), robot))
-        transaction = opened.publish(
-            robot, key, payload, reason, _now_ns(opened, clock_is_right), landmarks=seen
-        )
-        head = opened.head
-    result = {"height": head.height, "head": head.hash.hex(), **record_json(transaction)}
-    _say(as_json, result, f"{transaction} in block {head.height}: {transaction.id.hex()}")
+        key, now_ns = key_of(opened, keys, robot), _now_ns(opened, clock_is_right)
+        made = opened.publish(robot, key, payload, reason, now_ns, landmarks=seen)
+        result = {**_head(opened), **record_json(made)}
+    _say(as_json, result, f"{made} in block {result['height']}: {made.id.hex()}")
 
 
 @app.command()
@@ -193,14 +164,10 @@ def show(ledger: Folder, as_json: Json = False) -> None:
         result: dict[str, Any] = {
             "name": opened.genesis.name,
             "ledger_id": opened.genesis.id.hex(),
-            "height": opened.head.height,
-            "head": opened.head.hash.hex(),
+            **_head(opened),
             "timestamp_ns": opened.head.timestamp_ns,
             "insecure": any(key.insecure for key in public_keys),
-            "robots": {
-                robot: record_json(transaction) if transaction else None
-                for robot, transaction in newest.items()
-            },
+            "robots": {r: record_json(last) if last else None for r, last in newest.items()},
         }
     lines = [
         f"ledger   {result['ledger_id']} {result['name']}".rstrip(),
@@ -225,25 +192,19 @@ def verify(
 ) -> None:
     """Check every byte of every record and payload; exit status 1 when something is wrong."""
     found = verify_ledger(ledger, _hash(expected_head) if expected_head is not None else None)
-    result: dict[str, Any] = {
-        "ok": found.ok,
-        "blocks": found.blocks,
-        "first_bad_block": found.first_bad_block,
-        "reason": found.reason,
-    }
+    result = {name: value for name, value in asdict(found).items() if name != "dropped" or value}
     text = f"{ledger}: all {found.blocks} blocks are good"
     if found.dropped:
-        result["dropped"] = found.dropped
         text += f"; blobs dropped, as the operator signed: {found.dropped}"
     if landmarks and found.ok:
-        result["landmark_records"] = _check_landmarks(ledger)
+        result["landmark_records"] = check_landmarks(ledger)
         text += f"; landmark records as extracted again: {result['landmark_records']}"
     if as_json or found.ok:
         _say(as_json, result, text)
     if not found.ok:
         bad = found.first_bad_block
         place = f"block {bad}" if bad is not None else "beside its blocks"
-        raise DamagedError(f"the verification of {ledger} fails, {place}: {found.reason}")
+        raise errors.DamagedError(f"the verification of {ledger} fails, {place}: {found.reason}")
 
 
 @app.command()
@@ -258,13 +219,10 @@ def drop(
 ) -> None:
     """Let old panoramas and landmark records go; the operator signs which. Records stay."""
     with Ledger.open(ledger, writable=True) as opened:
-        records = opened.drop_old(
-            keep, _operator_key(opened, keys), _now_ns(opened, clock_is_right)
-        )
-        head = opened.head
-    count = sum(len(record.blobs) for record in records)
-    result = {"dropped": count, "height": head.height, "head": head.hash.hex()}
-    _say(as_json, result, f"blobs dropped from {ledger}: {count}; its head is block {head.height}")
+        records = opened.drop_old(keep, key_of(opened, keys), _now_ns(opened, clock_is_right))
+        result = {"dropped": sum(len(record.blobs) for record in records), **_head(opened)}
+    said = f"blobs dropped from {ledger}: {result['dropped']}; its head is block {result['height']}"
+    _say(as_json, result, said)
 
 
 @app.command()
@@ -288,14 +246,14 @@ def export(
 ) -> None:
     """Write every block with its records as one line of JSON, or the panoramas as pictures."""
     if output is None and pictures is None:
-        raise RecordError("expected -o FILE or --pictures FOLDER, got neither")
+        raise errors.RecordError("expected -o FILE or --pictures FOLDER, got neither")
     if output:
         check_output_file(output)
     if pictures:
-        check_output_folder(pictures, _PICTURES)
+        check_output_folder(pictures, PICTURES)
     for target in (output, pictures):
         if target and target.resolve().is_relative_to(ledger.resolve()):
-            raise RecordError(f"expected to write outside the ledger, got {target}")
+            raise errors.RecordError(f"expected to write outside the ledger, got {target}")
     result: dict[str, Any] = {}
     said = []
     with Ledger.open(ledger) as opened:
@@ -305,44 +263,20 @@ def export(
             result |= {"file": str(output), "blocks": len(lines)}
             said.append(f"wrote {len(lines)} blocks to {output}")
         if pictures:
-            written, others, dropped = _export_pictures(opened, pictures)
-            result |= {
-                "folder": str(pictures), "pictures": written, "others": others, "dropped": dropped
-            }  # fmt: skip
-            said.append(f"wrote {written} pictures to {pictures}")
-            said += [f"payloads that are no panoramas: {others}"] if others else []
-            said += [f"dropped: {dropped}"] if dropped else []
+            counts = export_pictures(opened, pictures)
+            result |= {"folder": str(pictures), **counts}
+            said.append(f"wrote {counts['pictures']} pictures to {pictures}")
+            said += [f"payloads that are no panoramas: {n}"] if (n := counts["others"]) else []
+            said += [f"dropped: {n}"] if (n := counts["dropped"]) else []
     _say(as_json, result, "; ".join(said))
-
-
-def _export_pictures(ledger: Ledger, folder: Path) -> tuple[int, int, int]:
-    """Each panorama's cylinder as ROBOT_NUMBER_REASON.png: how many, and how many could not be."""
-    from vrchain.panorama import Panorama, encode_png
-
-    counts = {"written": 0, "others": 0, "dropped": 0}
-    with output_folder(folder, _PICTURES) as scratch:
-        rows = []
-        for entry in ledger.entries():
-            for record in entry.records:
-                if not isinstance(record, Transaction):
-                    continue
-                name = f"{record.robot}_{record.sequence:04d}_{record.reason}.png"
-                try:
-                    panorama = Panorama.decode(ledger.payload(record.payload_digest))
-                except DroppedError:
-                    counts["dropped"] += 1
-                except ImageError:
-                    counts["others"] += 1
-                else:
-                    (scratch / name).write_bytes(encode_png(panorama.cylinder))
-                    rows.append({"file": name, **record_json(record)})
-                    counts["written"] += 1
-        (scratch / _PICTURES).write_text(json.dumps(rows, indent=1) + "\n")
-    return counts["written"], counts["others"], counts["dropped"]
 
 
 def _say(as_json: bool, result: dict[str, Any], *lines: str) -> None:
     typer.echo(json.dumps(result) if as_json else "\n".join(map(printable, lines)))
+
+
+def _head(ledger: Ledger) -> dict[str, Any]:
+    return {"height": ledger.head.height, "head": ledger.head.hash.hex()}
 
 
 def _now_ns(ledger: Ledger, clock_is_right: bool) -> int:
@@ -350,7 +284,7 @@ def _now_ns(ledger: Ledger, clock_is_right: bool) -> int:
     now_ns, newest_ns = time.time_ns(), ledger.head.timestamp_ns
     days = (now_ns - newest_ns) / _DAY_NS
     if newest_ns and days > _REST_DAYS and not clock_is_right:  # 0: made without a clock
-        raise ClockSkewError(
+        raise errors.ClockSkewError(
             f"expected the present time within {_REST_DAYS} days of the ledger's newest block, got "
             f"{days:.0f} days after it, which no later time may precede; set the clock, or if it "
             "is right, say --clock-is-right"
@@ -358,85 +292,17 @@ def _now_ns(ledger: Ledger, clock_is_right: bool) -> int:
     return now_ns
 
 
-def _default_keys(operator: PublicKey) -> Path:
-    """Each ledger has its own folder of keys, known by its operator's public key."""
-    config = os.environ.get("XDG_CONFIG_HOME") or Path.home() / ".config"
-    return Path(config) / "vrchain" / "keys" / operator.raw.hex()[:16]
-
-
-def _operator_key(ledger: Ledger, keys: Path | None) -> SigningKey:
-    return load_key(_key_path(keys or _default_keys(ledger.genesis.operator), OPERATOR))
-
-
-def _key_path(key_folder: Path, name: str) -> Path:
-    return key_folder / f"{name}.pem"
-
-
-@contextlib.contextmanager
-def _saved_keys(key_folder: Path, keys: dict[str, SigningKey]) -> Iterator[None]:
-    """Save the keys before what needs them; take them back if that fails."""
-    is_new = not key_folder.exists()
-    saved: list[Path] = []
-    try:
-        for name, key in keys.items():
-            path = _key_path(key_folder, name)
-            save_key(key, path)
-            saved.append(path)
-        yield
-    except BaseException:
-        for path in saved:
-            path.unlink(missing_ok=True)
-        if is_new:
-            with contextlib.suppress(OSError):
-                key_folder.rmdir()
-        raise
-
-
 def _read_payload(file: Path) -> bytes:
     try:
         with open(file, "rb") as source:
             payload = source.read(MAX_PAYLOAD_BYTES + 1)
     except OSError as error:
-        raise PayloadFileError(f"expected a readable FILE, got {file}: {error.strerror}") from None
+        raise errors.PayloadFileError(
+            f"expected a readable FILE, got {file}: {error.strerror}"
+        ) from None
     if len(payload) > MAX_PAYLOAD_BYTES:
-        raise TooLargeError(f"expected a FILE of at most {MAX_PAYLOAD_BYTES} bytes: {file}")
+        raise errors.TooLargeError(f"expected a FILE of at most {MAX_PAYLOAD_BYTES} bytes: {file}")
     return payload
-
-
-def _panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
-    """A saved panorama as it is published, and its landmark record if that is not known."""
-    from vrchain.landmarks.extraction.record import encode_record, examine
-    from vrchain.panorama import Panorama
-
-    blob = Panorama.load(folder).encode()
-    if landmarks is None:
-        landmarks = encode_record(examine(Panorama.decode(blob)))  # of what others will see
-    return blob, landmarks
-
-
-def _check_landmarks(ledger: Path) -> int:
-    """How many robots' newest records were extracted again; DamagedError if one is of its own."""
-    from vrchain.landmarks.retrieval.gallery import is_extracted
-
-    count = 0
-    with Ledger.open(ledger) as opened:
-        for robot in opened.robots:
-            newest = opened.latest(robot)
-            if newest is None or newest.landmarks_digest == NO_BLOB:
-                continue
-            panorama, told = map(opened.payload, (newest.payload_digest, newest.landmarks_digest))
-            try:
-                alike = is_extracted(told, panorama)
-            except ImageError as error:
-                raise DamagedError(
-                    f"{ledger}: {robot}'s newest payload is no panorama ({error})"
-                ) from None
-            if not alike:
-                raise DamagedError(
-                    f"{ledger}: {robot}'s newest landmark record is not what its panorama gives"
-                )
-            count += 1
-    return count
 
 
 def _hash(text: str) -> bytes:
@@ -445,5 +311,5 @@ def _hash(text: str) -> bytes:
     except ValueError:
         value = b""
     if len(value) != 32:
-        raise RecordError(f"expected a HASH of 64 hexadecimal digits, got {text!r:.80}")
+        raise errors.RecordError(f"expected a HASH of 64 hexadecimal digits, got {text!r:.80}")
     return value

@@ -4,7 +4,19 @@
         transaction = ledger.publish("R1", key, payload, "distance", timestamp_ns)
         ledger.payload(transaction.payload_digest) == payload
 
-A payload is bytes and their SHA-256; docs/reference/ledger-format.md says how everything is stored.
+A payload is bytes and their SHA-256; docs/ledger-format.md says how everything is stored.
+
+- ``store``, ``reader``: ``Ledger``, one process's handle on a folder: what it writes and reads.
+- ``records/``: what is signed and hashed. ``block`` (what a block's hash covers), ``transaction``,
+  ``membership`` (the operator's), ``proof``; ``record``, ``fields``, ``encoding`` (their bytes),
+  ``table`` and ``merkle`` (the two roots in a block), ``keys``.
+- ``rules/``: what is taken in. ``validity`` refuses for ever and everywhere, ``chain`` applies it
+  to the newest state; ``admission`` and ``limits`` refuse here and now.
+- ``storage/``: how it lies on the disk. ``database`` (SQLite rows), ``blobs`` and ``durable``
+  (files), ``resume`` (the state from the rows), ``retention`` (what may go), ``turns`` (writers
+  queue up), ``place`` (nobody swaps the files), ``folder`` (a new one).
+- ``verify``: everything stored judged again. ``export``: as JSON. ``errors``: each refusal's kind.
+- ``network/``: ``gate`` takes in others' transactions over sockets, ``peer`` others' blocks.
 """
 
 from vrchain.ledger.records.block import Block, Entry

@@ -5,8 +5,7 @@ from typing import Any
 from vrchain.ledger.records.block import Entry, Record
 from vrchain.ledger.records.encoding import NO_DIGEST
 from vrchain.ledger.records.keys import PublicKey
-from vrchain.ledger.records.membership import Drop, Enrolment, Expulsion, Genesis
-from vrchain.ledger.records.transaction import Transaction
+from vrchain.ledger.records.membership import Enrolment, Genesis
 
 
 def entry_json(entry: Entry) -> dict[str, Any]:
@@ -28,37 +27,29 @@ def entry_json(entry: Entry) -> dict[str, Any]:
 
 def record_json(record: Record) -> dict[str, Any]:
     """A record of any kind, told apart by ``kind``."""
-    kind, fields = _kind(record)
     return {
-        "kind": kind,
+        "kind": type(record).__name__.lower(),
         "id": record.id.hex(),
         "timestamp_ns": record.timestamp_ns,
-        **fields,
+        **(_genesis(record) if isinstance(record, Genesis) else _fields(record)),
         "signature": record.signature.hex(),
     }
 
 
-def _kind(record: Record) -> tuple[str, dict[str, Any]]:
-    match record:
-        case Transaction():
-            return "transaction", {
-                "robot": record.robot,
-                "sequence": record.sequence,
-                "reason": record.reason,
-                "payload_digest": record.payload_digest.hex(),
-                "landmarks_digest": _hex(record.landmarks_digest),
-                "previous": _hex(record.previous),
-            }
-        case Enrolment():
-            key = _key(record.public_key)
-            return "enrolment", {"sequence": record.sequence, "name": record.name, **key}
-        case Expulsion():
-            return "expulsion", {"sequence": record.sequence, "name": record.name}
-        case Drop():
-            blobs = [blob.hex() for blob in record.blobs]
-            return "drop", {"sequence": record.sequence, "blobs": blobs}
-        case Genesis():
-            return "genesis", _genesis(record)
+def _fields(record: Record) -> dict[str, Any]:
+    names = [name for name in record.field_names if name not in ("ledger_id", "timestamp_ns")]
+    found = {name: _plain(getattr(record, name)) for name in names}
+    return found | (_key(record.public_key) if isinstance(record, Enrolment) else {})
+
+
+def _plain(value: Any) -> Any:
+    match value:
+        case bytes():
+            return _hex(value)
+        case tuple():
+            return [blob.hex() for blob in value]
+        case _:
+            return value
 
 
 def _hex(value: bytes) -> str | None:

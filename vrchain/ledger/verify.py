@@ -9,15 +9,15 @@ from pathlib import Path
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import AccessError, DamagedError, ReplacedError
-from vrchain.ledger.records.block import Entry
-from vrchain.ledger.records.membership import Drop
+from vrchain.ledger.records.block import Record
 from vrchain.ledger.records.transaction import Transaction
-from vrchain.ledger.rules.validity import State, start_or_follow
+from vrchain.ledger.rules.validity import State, begin, follow
 from vrchain.ledger.storage.blobs import BlobStore
 from vrchain.ledger.storage.database import connect, last_height, oversized, read_entries
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.place import BLOBS_NAME, Place, database_in
 from vrchain.ledger.storage.resume import first_unreadable
+from vrchain.ledger.storage.retention import Retention
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,8 @@ def _verify(
     state: State | None = None
     height = 0
     known = expected_head is None
-    audit = _Audit(blobs)
+    retention = Retention()
+    missing: dict[bytes, str] = {}  # what is wrong with a blob; a later drop excuses it
     try:
         with storage_errors("reading the ledger"):
             db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
@@ -86,57 +87,44 @@ def _verify(
             return Verification(False, 0, large, f"a record of block {large} is too big to be read")
         total = last_height(db) + 1
         for entry in read_entries(db, 0, max(total, 1)):
-            state = start_or_follow(state, entry)
-            audit.take(entry)
+            state = follow(state, *entry) if state else begin(*entry)
+            for record in entry.records:
+                retention.take(record, height)
+                missing |= _missing(blobs, record)
             known = known or entry.block.hash == expected_head
             height += 1
             progress(height, total)
     except LedgerError as error:
-        return Verification(False, height, height, str(error))
-    if audit.missing:
-        bad, reason = min(audit.missing.values())
-        return Verification(False, bad, bad, reason)
+        return _bad(height, str(error))
+    if unexcused := [(retention.kept[b], why) for b, why in missing.items() if b in retention.kept]:
+        return _bad(*min(unexcused))
     if not known:
-        reason = "the known head is not in the chain: its end was cut off or rewritten"
-        return Verification(False, height, height, reason)
+        return _bad(height, "the known head is not in the chain: its end was cut off or rewritten")
     try:
         if _any(db, "height >= ?", height):
             reason = f"the tables hold rows of block {height} or later, which is not there"
-            return Verification(False, height, height, reason)
+            return _bad(height, reason)
         _check_rest(db)
     except LedgerError as error:
         return Verification(False, height, first_unreadable(db, height), str(error))
-    return Verification(True, height, None, "", len(audit.dropped))
+    return Verification(True, height, None, "", len(retention.dropped))
 
 
-class _Audit:
-    """Which blobs are not there whole. Only a later drop excuses that, so judge at the end.
+def _bad(height: int, reason: str) -> Verification:
+    """All blocks below ``height`` are good, that one is not."""
+    return Verification(False, height, height, reason)
 
-    ``missing``: (height of the block that names it, what is wrong), by digest.
-    """
 
-    def __init__(self, blobs: BlobStore) -> None:
-        self._blobs = blobs
-        self.missing: dict[bytes, tuple[int, str]] = {}
-        self.dropped: set[bytes] = set()
-
-    def take(self, entry: Entry) -> None:
-        for record in entry.records:
-            if isinstance(record, Transaction):
-                for blob in record.blobs:
-                    self.dropped.discard(blob)
-                    self._check(blob, entry.block.height)
-            elif isinstance(record, Drop):
-                self.dropped.update(record.blobs)
-                for blob in record.blobs:
-                    self.missing.pop(blob, None)
-
-    def _check(self, blob: bytes, height: int) -> None:
+def _missing(blobs: BlobStore, record: Record) -> dict[bytes, str]:
+    """What is wrong with the blobs that the record names, by digest."""
+    found = {}
+    for blob in record.blobs if isinstance(record, Transaction) else ():
         try:
             with storage_errors("reading a payload"):
-                self._blobs.get(blob)
+                blobs.get(blob)
         except LedgerError as error:
-            self.missing.setdefault(blob, (height, str(error)))
+            found[blob] = str(error)
+    return found
 
 
 def _any(db: sqlite3.Connection, condition: str, height: int = 0) -> bool:

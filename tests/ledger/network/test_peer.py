@@ -4,8 +4,8 @@ import os
 import signal
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from ledgers import KEYS, OPERATOR_KEY, new_chain, new_ledger, next_entry
@@ -31,6 +31,10 @@ def pair(tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Ledger, Pee
         yield ledger, peer
 
 
+def genesis_of(chain: Chain) -> Entry:
+    return Entry(chain.head, (chain.genesis,))
+
+
 def test_the_peer_follows_and_answers_with_its_head(pair: tuple[Ledger, PeerProcess]) -> None:
     ledger, peer = pair
     for time_ns, payload in enumerate([b"", b"x", os.urandom(500_000)]):
@@ -48,9 +52,8 @@ def test_the_peer_refuses_and_says_why(pair: tuple[Ledger, PeerProcess]) -> None
     block = ledger.head
     forged = replace(transaction, timestamp_ns=9).signed(KEYS["R1"])
     newest = Table(dict(block.newest) | {"R2": forged.id}).root
-    forged_block = replace(block, records_root=records_root((forged,)), newest_root=newest).signed(
-        KEYS["R2"]
-    )
+    forged_block = replace(block, records_root=records_root((forged,)), newest_root=newest)
+    forged_block = forged_block.signed(KEYS["R2"])
     messages: list[tuple[tuple[Any, ...], str]] = [
         ((block, (transaction,), b"another"), "PayloadDigestError"),
         ((block, (transaction,)), "PayloadDigestError"),
@@ -70,15 +73,12 @@ def test_bytes_that_are_no_block_are_refused(pair: tuple[Ledger, PeerProcess]) -
     _, peer = pair
     for frames in ([], [b""], [b"garbage", b"more"], [b"garbage", b"more", b""]):
         send(peer._socket, frames)
-        answer = receive(peer._socket, 1, 1 << 16)
-        assert answer is not None
-        assert answer[0].startswith(b"!EncodingError")
+        assert receive(peer._socket, 1, 1 << 16)[0].startswith(b"!EncodingError")
 
 
 def test_too_many_frames_end_the_peer_and_the_sender_is_told() -> None:
     chain = new_chain()
-    first = Entry(chain.head, (chain.genesis,))
-    with PeerProcess(first) as peer:
+    with PeerProcess(genesis_of(chain)) as peer:
         peer._socket.sendall((MAX_FRAMES + 1).to_bytes(4, "big"))
         peer._process.wait(timeout=20)
         with pytest.raises(errors.PeerError, match="peer process"):
@@ -92,29 +92,29 @@ def test_a_message_that_is_too_large_is_passed_over(pair: tuple[Ledger, PeerProc
     peer._socket.sendall(b"\0\0\0\1" + (count * len(part)).to_bytes(4, "big"))
     for _ in range(count):
         peer._socket.sendall(part)
-    answer = receive(peer._socket, 1, 1 << 16)
-    assert answer is not None
-    assert answer[0].startswith(b"!TooLargeError")
+    assert receive(peer._socket, 1, 1 << 16)[0].startswith(b"!TooLargeError")
     transaction = ledger.publish("R1", KEYS["R1"], b"after", "view", 100)
     assert peer.send(ledger.head, (transaction,), b"after") == ledger.head.hash
 
 
-def test_blobs_are_not_hashed_for_a_block_that_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_refused_message_costs_no_hashing_and_leaves_the_replica_as_before() -> None:
     chain = new_chain()
-    replica = Chain(Entry(chain.head, (chain.genesis,)))
-    entry = next_entry(chain)
-    monkeypatch.setattr(peer_module, "digest", lambda blob: pytest.fail("hashed"))
-    forged = replace(entry.block, signature=bytes(64))
-    with pytest.raises(errors.SignatureError):
-        accept(replica, [forged.record, entry.records[0].record, b"", bytes(1000)])
-    with pytest.raises(errors.PayloadDigestError, match="expected 1 blobs"):
-        accept(replica, [entry.block.record, entry.records[0].record, b""])
+    replica = Chain(genesis_of(chain))
+    block, (record,) = next_entry(chain)
+    forged = replace(block, signature=bytes(64)).record
+    with patch.object(peer_module, "digest", side_effect=AssertionError("hashed")):
+        with pytest.raises(errors.SignatureError):
+            accept(replica, [forged, record.record, b"", bytes(1000)])
+        with pytest.raises(errors.PayloadDigestError, match="expected 1 blobs"):
+            accept(replica, [block.record, record.record, b""])
+    with pytest.raises(errors.PayloadDigestError, match="not those"):
+        accept(replica, [block.record, record.record, b"", b"another"])
     assert replica.head == chain.head
 
 
 def test_a_peer_that_dies_is_an_error_and_not_a_hang() -> None:
     chain = new_chain()
-    peer = PeerProcess(Entry(chain.head, (chain.genesis,)))
+    peer = PeerProcess(genesis_of(chain))
     peer._process.send_signal(signal.SIGKILL)
     peer._process.wait()
     with pytest.raises(errors.PeerError, match="peer process"):
@@ -123,19 +123,10 @@ def test_a_peer_that_dies_is_an_error_and_not_a_hang() -> None:
     peer.close()
 
 
-def test_leaving_ends_the_child(tmp_path: Path) -> None:
+def test_leaving_ends_the_child() -> None:
     chain = new_chain()
-    with PeerProcess(Entry(chain.head, (chain.genesis,))) as peer:
+    with PeerProcess(genesis_of(chain)) as peer:
         assert peer._process.poll() is None
     assert peer._process.returncode == 0
     with pytest.raises(errors.PeerRefusedError, match="PayloadDigestError"):
         PeerProcess(next_entry(chain))  # without its blob, and no first block either
-
-
-def test_a_refused_message_leaves_the_replica_as_before() -> None:
-    chain = new_chain()
-    replica = Chain(Entry(chain.head, (chain.genesis,)))
-    entry = next_entry(chain)
-    with pytest.raises(errors.PayloadDigestError):
-        accept(replica, [entry.block.record, entry.records[0].record, b"", b"another"])
-    assert replica.head == chain.head

@@ -33,7 +33,7 @@ def read(data: bytes, at_most: int = 7) -> list[list[bytes] | None]:
     """All messages in ``data``."""
     found = []
     connection, reader = Pieces(data, at_most), Reader(MAX_FRAMES, MAX_BYTES)
-    while reader.read(connection, 1 << 20):  # type: ignore[arg-type]
+    while reader.read(connection, 1 << 20):
         if reader.whole:
             found.append(reader.next())
     return found

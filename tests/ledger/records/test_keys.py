@@ -5,9 +5,8 @@ import stat
 from pathlib import Path
 
 import pytest
-from ledgers import new_ledger
 
-from vrchain.ledger import load_key, random_key, save_key, simulated_key
+from vrchain.ledger import Ledger, load_key, random_key, save_key, simulated_key
 from vrchain.ledger.errors import KeyFileError, RecordError
 from vrchain.ledger.records.keys import PublicKey
 
@@ -51,36 +50,30 @@ def test_live_keys_are_random_and_read_back(tmp_path: Path) -> None:
     assert "private" not in repr(key).lower()
 
 
-def test_keys_are_never_overwritten_and_never_in_a_ledger(tmp_path: Path) -> None:
+def test_where_keys_are_never_saved(tmp_path: Path, ledger: Ledger) -> None:
+    with pytest.raises(KeyFileError, match="simulated"):
+        save_key(simulated_key(0, "R1"), tmp_path / "R1.pem")
+    assert not (tmp_path / "R1.pem").exists()
     save_key(random_key(), tmp_path / "R1.pem")
     before = (tmp_path / "R1.pem").read_bytes()
     with pytest.raises(KeyFileError, match="never overwritten"):
         save_key(random_key(), tmp_path / "R1.pem")
     assert (tmp_path / "R1.pem").read_bytes() == before
-    new_ledger(tmp_path / "ledger").close()
-    (tmp_path / "link").symlink_to(tmp_path / "ledger")
+    (tmp_path / "link").symlink_to(ledger.folder)
     for inside in ("ledger/R1.pem", "ledger/keys/R1.pem", "link/R1.pem", "ledger/blobs/../R1.pem"):
         with pytest.raises(KeyFileError, match="outside"):
             save_key(random_key(), tmp_path / inside)
     assert not list((tmp_path / "ledger").rglob("*.pem"))
 
 
-def test_a_simulated_key_is_not_saved(tmp_path: Path) -> None:
-    with pytest.raises(KeyFileError, match="simulated"):
-        save_key(simulated_key(0, "R1"), tmp_path / "R1.pem")
-    assert not list(tmp_path.iterdir())
-
-
 def test_what_is_no_private_key_is_refused(tmp_path: Path) -> None:
     path = tmp_path / "R1.pem"
-    with pytest.raises(KeyFileError, match="No such file"):
-        load_key(path)
-    path.write_bytes(b"no key")
-    path.chmod(0o600)
-    with pytest.raises(KeyFileError, match="expected an Ed25519"):
-        load_key(path)
-    path.unlink()
     save_key(random_key(), path)
-    path.chmod(0o640)
-    with pytest.raises(KeyFileError, match="chmod 600"):
-        load_key(path)
+    for spoil, said in (
+        (lambda: path.chmod(0o640), "chmod 600"),
+        (lambda: (path.chmod(0o600), path.write_bytes(b"no key")), "expected an Ed25519"),
+        (path.unlink, "No such file"),
+    ):
+        spoil()
+        with pytest.raises(KeyFileError, match=said):
+            load_key(path)

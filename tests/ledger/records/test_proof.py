@@ -4,12 +4,9 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 from ledgers import KEYS, OPERATOR_KEY, new_ledger
 
 from vrchain.ledger import Ledger, Proof, errors, simulated_key, verify_proof
-from vrchain.ledger.records.table import Table
 
 
 def test_one_among_a_thousand(tmp_path: Path) -> None:
@@ -56,14 +53,6 @@ def test_what_a_proof_does_not_show(tmp_path: Path) -> None:
     ]:
         with pytest.raises(errors.ProofError):
             verify_proof(known, transaction, shown)
-
-
-@given(st.integers(1, 70), st.data())
-def test_every_row_has_its_path(n_robots: int, data: st.DataObject) -> None:
-    rows = {f"R{number}": bytes([number]) * 32 for number in range(n_robots)}
-    table = Table(rows)
-    robot = data.draw(st.sampled_from(sorted(rows)))
-    assert len(table.path(robot)) <= (n_robots - 1).bit_length()
 
 
 @pytest.mark.parametrize(

@@ -1,12 +1,10 @@
 """Admission: what is taken in here and now, each refusal of its own kind, nobody charged for it."""
 
-from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
+from unittest.mock import patch
 
 import pytest
-from ledgers import KEYS, OPERATOR_KEY, new_ledger
-from test_encoding import garbage
+from ledgers import KEYS, OPERATOR_KEY, garbage
 
 from vrchain.errors import LedgerError
 from vrchain.ledger import Admission, Ledger, Limits, Transaction, errors, verify
@@ -26,18 +24,12 @@ class Clock:
 
 
 @pytest.fixture
-def ledger(tmp_path: Path) -> Iterator[Ledger]:
-    with new_ledger(tmp_path / "ledger") as made:
-        yield made
-
-
-@pytest.fixture
 def clock() -> Clock:
     return Clock()
 
 
 def door(ledger: Ledger, clock: Clock, **limits: int | float) -> Admission:
-    return Admission(ledger, clock, Limits(**limits))  # type: ignore[arg-type]
+    return Admission(ledger, clock, Limits(**limits))
 
 
 def chain_of(ledger: Ledger, clock: Clock, count: int, robot: str = "R1") -> list[Transaction]:
@@ -51,31 +43,40 @@ def chain_of(ledger: Ledger, clock: Clock, count: int, robot: str = "R1") -> lis
 
 
 def test_what_is_admitted_comes_into_one_block(ledger: Ledger, clock: Clock) -> None:
-    admission = door(ledger, clock, block_delay_ns=SECOND)
-    assert not admission.due()
+    admission = door(ledger, clock, block_length=2)
     sent = [*chain_of(ledger, clock, 2, "R1"), *chain_of(ledger, clock, 1, "R2")]
     assert [admission.admit(t.record, b"payload") for t in sent] == sent
-    assert not admission.due()
-    clock.now_ns += SECOND
-    assert admission.due()
-    block = ledger.append_many(admission.take(), "R2", KEYS["R2"])
+    first, rest = admission.take(), admission.take()
+    assert (len(first), len(rest)) == (2, 1)
+    block = ledger.append_many([*first, *rest], "R2", KEYS["R2"])
     assert (block.height, block.author) == (1, "R2")
     assert (ledger.latest("R1"), ledger.latest("R2")) == (sent[1], sent[2])
-    assert not admission.due()
     assert admission.take() == []
     assert verify(ledger.folder).ok
 
 
-def test_a_block_is_due_when_enough_wait(ledger: Ledger, clock: Clock) -> None:
-    admission = door(ledger, clock, block_length=2)
-    sent = chain_of(ledger, clock, 3)
+@pytest.mark.parametrize(
+    ("limits", "is_full"),
+    [
+        ({"block_length": 2}, False),  # enough wait
+        ({"queue_bytes": 20, "blob_bytes": 10}, True),  # the next might find no room
+        ({"queue_length": 2}, True),
+        ({"block_delay_ns": SECOND}, False),  # the first has waited long enough
+    ],
+)
+def test_when_a_block_is_due(
+    limits: dict[str, int], is_full: bool, ledger: Ledger, clock: Clock
+) -> None:
+    admission = door(ledger, clock, **limits)
+    sent = chain_of(ledger, clock, 2)
+    assert not admission.due()
     admission.admit(sent[0].record, b"payload")
     assert not admission.due()
-    for transaction in sent[1:]:
-        admission.admit(transaction.record, b"payload")
-        assert admission.due()
-    assert [offer.transaction for offer in admission.take()] == sent[:2]
-    assert [offer.transaction for offer in admission.take()] == sent[2:]
+    admission.admit(sent[1].record, b"payload")
+    clock.now_ns += limits.get("block_delay_ns", 0)
+    assert (admission.due(), admission.full()) == (True, is_full)
+    assert [offer.transaction for offer in admission.take()] == sent
+    assert not admission.due()
 
 
 def test_each_refusal_has_its_kind_and_leaves_nothing(ledger: Ledger, clock: Clock) -> None:
@@ -99,7 +100,7 @@ def test_each_refusal_has_its_kind_and_leaves_nothing(ledger: Ledger, clock: Clo
         (errors.ClockSkewError, {"timestamp_ns": clock.now_ns + SECOND + 1}),
         (errors.BrokenLinkError, {"previous": b"x" * 32}),
     ):
-        changed = replace(draft, **changes).signed(KEYS["R1"])  # type: ignore[arg-type]
+        changed = replace(draft, **changes).signed(KEYS["R1"])
         refused.append((kind, changed.record, b"payload", None))
     for kind, record, payload, landmarks in refused:
         with pytest.raises(errors.LedgerError) as raised:
@@ -135,14 +136,12 @@ def test_nobody_can_use_up_anothers_rate(ledger: Ledger, clock: Clock) -> None:
 def test_the_rate_comes_back_with_time(ledger: Ledger, clock: Clock) -> None:
     admission = door(ledger, clock, burst=2, rate_per_s=0.5)
     sent = chain_of(ledger, clock, 6)
-    accepted = []
-    for transaction in sent[:3]:
-        try:
-            accepted.append(admission.admit(transaction.record, b"payload"))
-        except errors.RateLimitError:
-            clock.now_ns += 2 * SECOND
-            accepted.append(admission.admit(transaction.record, b"payload"))
-    assert accepted == sent[:3]
+    for transaction in sent[:2]:
+        admission.admit(transaction.record, b"payload")
+    with pytest.raises(errors.RateLimitError):
+        admission.admit(sent[2].record, b"payload")
+    clock.now_ns += 2 * SECOND
+    admission.admit(sent[2].record, b"payload")
     clock.now_ns -= SECOND  # a clock that is set back earns nothing
     with pytest.raises(errors.RateLimitError):
         admission.admit(sent[3].record, b"payload")
@@ -165,35 +164,24 @@ def test_the_queue_is_bounded(ledger: Ledger, clock: Clock) -> None:
         assert admission._queued_bytes == 0
 
 
-def test_cheap_refusals_cost_no_signature(
-    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    admission = door(ledger, clock, burst=1)
-    sent = chain_of(ledger, clock, 2)
-    admission.admit(sent[0].record, b"payload")
-    verified: list[bytes] = []
-    monkeypatch.setattr(PublicKey, "accepts", lambda *given: verified.append(given[1]))
-    late = replace(sent[1], timestamp_ns=clock.now_ns + 10**15).signed(KEYS["R1"])
-    for record in (bytes(3000), b"garbage", late.record, sent[1].record):
-        with pytest.raises(errors.LedgerError):
-            admission.admit(record, b"payload")
-    assert verified == []
-
-
-def test_what_is_in_or_waits_is_told_apart_and_costs_no_signature(
-    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    admission = door(ledger, clock)
-    sent = chain_of(ledger, clock, 4)
-    for transaction in sent[:2]:
-        admission.admit(transaction.record, b"payload")
-    ledger.append_many(admission.take(), "R2", KEYS["R2"])
-    for transaction in sent[2:]:
-        admission.admit(transaction.record, b"payload")
-    monkeypatch.setattr(PublicKey, "accepts", lambda *given: pytest.fail("verified"))
-    for transaction in sent:
-        with pytest.raises(errors.DuplicateError):
+def test_only_what_is_new_and_in_order_costs_a_signature(ledger: Ledger, clock: Clock) -> None:
+    """Neither what is refused before, nor what is in or waits, nor appending what was admitted."""
+    admission = door(ledger, clock, burst=4)
+    sent = chain_of(ledger, clock, 5)
+    with patch.object(PublicKey, "accepts", side_effect=PublicKey.accepts, autospec=True) as asked:
+        for transaction in sent[:2]:
             admission.admit(transaction.record, b"payload")
+        ledger.append_many(admission.take(), "R2", KEYS["R2"])
+        for transaction in sent[2:4]:
+            admission.admit(transaction.record, b"payload")
+        late = replace(sent[4], timestamp_ns=clock.now_ns + 10**15).signed(KEYS["R1"])
+        for record in (bytes(3000), b"garbage", late.record, sent[4].record):
+            with pytest.raises(errors.LedgerError):
+                admission.admit(record, b"payload")
+        for transaction in sent[:4]:
+            with pytest.raises(errors.DuplicateError):
+                admission.admit(transaction.record, b"payload")
+    assert [call.args[1] for call in asked.call_args_list] == [t.body for t in sent[:4]]
 
 
 def test_a_second_transaction_with_a_number_is_equivocation(ledger: Ledger, clock: Clock) -> None:
@@ -215,17 +203,6 @@ def test_a_robots_bytes_are_limited_too(ledger: Ledger, clock: Clock) -> None:
         admission.admit(sent[2].record, b"payload")
     clock.now_ns += SECOND
     admission.admit(sent[2].record, b"payload")
-
-
-def test_a_block_is_due_when_the_next_might_find_no_room(ledger: Ledger, clock: Clock) -> None:
-    for limits in ({"queue_bytes": 20, "blob_bytes": 10}, {"queue_length": 2}):
-        admission = door(ledger, clock, **limits)
-        sent = chain_of(ledger, clock, 2)
-        admission.admit(sent[0].record, b"payload")
-        assert not admission.due()
-        admission.admit(sent[1].record, b"payload")
-        assert admission.full()
-        assert admission.due()
 
 
 def test_what_follows_no_more_holds_up_nobody_else(ledger: Ledger, clock: Clock) -> None:
@@ -263,19 +240,12 @@ def test_who_is_expelled_while_it_waits_holds_up_nobody_else(ledger: Ledger, clo
     assert admission.make_block("R2", KEYS["R2"]) == (None, [], [])
 
 
-def test_a_disk_that_fails_refuses_what_was_taken(
-    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_disk_that_fails_refuses_what_was_taken(ledger: Ledger, clock: Clock) -> None:
     admission = door(ledger, clock)
     (sent,) = chain_of(ledger, clock, 1)
     admission.admit(sent.record, b"payload")
     full = errors.StorageFullError("no room")
-
-    def fail(*given: object) -> None:
-        raise full
-
-    with monkeypatch.context() as patch:
-        patch.setattr(Ledger, "append_many", fail)
+    with patch.object(Ledger, "append_many", side_effect=full):
         assert admission.make_block("R2", KEYS["R2"]) == (None, [], [(sent, full)])
     admission.admit(sent.record, b"payload")  # again
     assert admission.make_block("R2", KEYS["R2"]).appended == [sent]
@@ -300,23 +270,3 @@ def test_garbage_raises_only_the_ledgers_own_errors(
             with pytest.raises(LedgerError):
                 admission.admit(data, b"payload")
     assert admission.take() == []
-
-
-def test_an_expelled_robot_is_told_so(ledger: Ledger, clock: Clock) -> None:
-    admission = door(ledger, clock)
-    (sent,) = chain_of(ledger, clock, 1)
-    ledger.expel("R1", OPERATOR_KEY, 1)
-    with pytest.raises(errors.ExpelledMemberError):
-        admission.admit(sent.record, b"payload")
-
-
-def test_admission_verifies_once_and_append_not_again(
-    ledger: Ledger, clock: Clock, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    admission = door(ledger, clock)
-    for transaction in chain_of(ledger, clock, 3):
-        admission.admit(transaction.record, b"payload")
-    verified: list[bytes] = []
-    monkeypatch.setattr(PublicKey, "accepts", lambda *given: verified.append(given[1]))
-    ledger.append_many(admission.take(), "R2", KEYS["R2"])
-    assert verified == []

@@ -1,14 +1,12 @@
 """Writers that are killed, and several at once: nothing acknowledged is lost."""
 
-import os
 import signal
 import subprocess
-import sys
 import time
 from pathlib import Path
 
 import pytest
-from ledgers import KEYS, ROOT, in_child, new_ledger
+from ledgers import KEYS, child, new_ledger
 
 from vrchain.ledger import Ledger, verify
 from vrchain.seeding import generator
@@ -31,12 +29,7 @@ with Ledger.open(folder, writable=True, wait_s=30) as ledger:
 
 
 def writer(folder: Path, robot: str, count: int, size: int) -> subprocess.Popen[str]:
-    return subprocess.Popen(
-        [sys.executable, "-c", WRITER, str(folder), robot, str(count), str(size)],
-        stdout=subprocess.PIPE,
-        text=True,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}:{ROOT / 'tests'}"},
-    )
+    return child(WRITER, folder, robot, count, size)
 
 
 def acknowledged(output: str) -> list[bytes]:
@@ -64,14 +57,12 @@ def test_a_killed_writer_loses_nothing_acknowledged(
         known += said
         found = verify(folder)
         assert found.ok, found.reason
-        with Ledger.open(folder) as ledger:
-            stored = [transaction.id for transaction in ledger.history("R1")]
-            named = {transaction.payload_digest.hex() for transaction in ledger.history("R1")}
-        orphans = [p for p in (folder / "blobs").iterdir() if p.name not in named]
-        assert len(orphans) <= 1
-        assert all((folder / "blobs" / name).is_file() for name in named)
         with Ledger.open(folder, writable=True) as ledger:
-            assert ledger.clean() == len(orphans)
+            history = ledger.history("R1")
+            orphans = {p.name for p in (folder / "blobs").iterdir()}
+            orphans -= {transaction.payload_digest.hex() for transaction in history}
+            assert ledger.clean() == len(orphans) <= 1
+        stored = [transaction.id for transaction in history]
         # At most the one that was being acknowledged is there beside the known ones.
         assert set(known) <= set(stored)
         assert len(stored) - len(known) <= 1
@@ -102,75 +93,45 @@ with Ledger.open(sys.argv[1], writable=True) as ledger:
 
 @pytest.mark.parametrize("moment", ["the blob's rename", "the record"])
 def test_killed_before_the_record_leaves_one_orphan_that_is_cleaned(
-    tmp_path: Path, moment: str
+    ledger: Ledger, moment: str
 ) -> None:
-    folder = tmp_path / "ledger"
-    with new_ledger(folder) as ledger:
-        first = ledger.publish("R1", KEYS["R1"], b"first", "start", 1)
-    died = in_child(KILLED_AT, str(folder), moment)
-    assert died.returncode == -signal.SIGKILL, died.stderr
+    folder = ledger.folder
+    first = ledger.publish("R1", KEYS["R1"], b"first", "start", 1)
+    died = child(KILLED_AT, folder, moment)
+    assert died.wait(timeout=60) == -signal.SIGKILL
     (orphan,) = {p.name for p in (folder / "blobs").iterdir()} - {first.payload_digest.hex()}
     assert orphan.endswith(".tmp") == (moment == "the blob's rename")
     assert verify(folder).blocks == 2
-    with Ledger.open(folder, writable=True) as ledger:
-        assert ledger.history("R1") == [first]
-        assert ledger.clean() == 1
-        assert ledger.publish("R1", KEYS["R1"], b"second", "time", 2).sequence == 1
+    assert ledger.clean() == 1
+    assert ledger.history("R1") == [first]
+    assert ledger.publish("R1", KEYS["R1"], b"second", "time", 2).sequence == 1
     assert verify(folder).blocks == 3
 
 
-def test_two_writers_take_turns(tmp_path: Path) -> None:
-    folder = tmp_path / "ledger"
-    new_ledger(folder).close()
-    writers = {robot: writer(folder, robot, count=15, size=100) for robot in ("R1", "R2")}
-    with Ledger.open(folder) as reader:
-        while any(process.poll() is None for process in writers.values()):
-            reader.refresh()
-            time.sleep(0.01)
-        ids = {robot: acknowledged(process.communicate()[0]) for robot, process in writers.items()}
-        assert all(process.returncode == 0 for process in writers.values())
-        reader.refresh()
-        assert reader.head.height == 30
-        for robot in ("R1", "R2"):
-            assert [transaction.id for transaction in reader.history(robot)] == ids[robot]
-    assert verify(folder).ok
-
-
-def test_cleaning_beside_a_writer_takes_nothing_that_it_needs(tmp_path: Path) -> None:
-    folder = tmp_path / "ledger"
-    new_ledger(folder).close()
-    process = writer(folder, "R1", count=40, size=1000)
-    with Ledger.open(folder, writable=True, wait_s=30) as ledger:
-        while process.poll() is None:
-            assert ledger.clean() == 0
-            time.sleep(0.005)  # let the writer have the lock
-    assert len(acknowledged(process.communicate()[0])) == 40
-    assert verify(folder).blocks == 41
-
-
-def test_many_readers_beside_a_writer(tmp_path: Path) -> None:
-    folder = tmp_path / "ledger"
-    new_ledger(folder).close()
-    process = writer(folder, "R1", count=30, size=1000)
-    code = """
+FOLLOWER = """
 import sys
 from vrchain.ledger import Ledger
 with Ledger.open(sys.argv[1]) as ledger:
     for entry in ledger.follow(0, wait_s=20):
         for record in entry.records[:entry.block.height]:
             ledger.payload(record.payload_digest)
-        if entry.block.height == 30:
+        if entry.block.height == 60:
             print(entry.block.hash.hex())
             break
 """
-    readers = [
-        subprocess.Popen(
-            [sys.executable, "-c", code, str(folder)],
-            stdout=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": str(ROOT)},
-        )
-        for _ in range(3)
-    ]  # fmt: skip
-    assert len(acknowledged(process.communicate()[0])) == 30
-    with Ledger.open(folder) as ledger:
-        head = ledger.head.hash.hex()
-    assert [reader.communicate(timeout=60)[0].strip() for reader in readers] == [head] * 3
+
+
+def test_writers_readers_and_a_cleaner_at_once(ledger: Ledger) -> None:
+    """The cleaner holds the same lock, and takes nothing that a writer needs."""
+    followers = [child(FOLLOWER, ledger.folder) for _ in range(3)]
+    writers = {robot: writer(ledger.folder, robot, 30, size=1000) for robot in ("R1", "R2")}
+    while any(process.poll() is None for process in writers.values()):
+        assert ledger.clean() == 0
+        time.sleep(0.005)  # let the writers have the lock
+    assert ledger.head.height == 60
+    for robot, process in writers.items():
+        said = acknowledged(process.communicate()[0])
+        assert [transaction.id for transaction in ledger.history(robot)] == said
+    head = ledger.head.hash.hex()
+    assert [follower.communicate(timeout=60)[0].strip() for follower in followers] == [head] * 3
+    assert verify(ledger.folder).blocks == 61

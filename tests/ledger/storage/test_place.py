@@ -6,13 +6,16 @@ import sqlite3
 import stat
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
+from unittest.mock import patch
 
 import pytest
-from ledgers import KEYS, files, small_ledger
+from ledgers import KEYS, files
 
-from vrchain.ledger import Ledger, errors, store, verify
+from vrchain.ledger import Ledger, errors, reader, store, verify
 from vrchain.ledger.records.keys import DATABASE_NAME
 from vrchain.ledger.storage.database import insert_entry
+from vrchain.ledger.storage.resume import read_state
 
 SWAPS: dict[str, Callable[[Path], object]] = {
     "folder moved": lambda f: f.rename(f.with_name("moved")),
@@ -30,11 +33,10 @@ SWAPS: dict[str, Callable[[Path], object]] = {
 
 
 @pytest.fixture
-def folder(tmp_path: Path) -> Path:
+def folder(pristine: Path, tmp_path: Path) -> Path:
     """A good ledger, with a copy beside it."""
-    small_ledger(tmp_path / "ledger")
-    shutil.copytree(tmp_path / "ledger", tmp_path / "backup")
-    return tmp_path / "ledger"
+    shutil.copytree(pristine, tmp_path / "backup")
+    return shutil.copytree(pristine, tmp_path / "ledger")
 
 
 @pytest.mark.parametrize("swap", SWAPS)
@@ -56,52 +58,37 @@ def test_nothing_is_acknowledged_into_a_file_that_is_gone(folder: Path, swap: st
 @pytest.mark.parametrize("swap", SWAPS)
 @pytest.mark.parametrize("moment", ["before", "after"])
 def test_a_swap_in_the_middle_of_an_update_is_not_acknowledged(
-    folder: Path, swap: str, moment: str, monkeypatch: pytest.MonkeyPatch
+    folder: Path, swap: str, moment: str
 ) -> None:
     """Just before the commit, and just after it."""
 
-    class Traced:
-        def __init__(self, db: sqlite3.Connection) -> None:
-            self._db = db
-
-        def __getattr__(self, name: str) -> object:
-            return getattr(self._db, name)
-
-        def execute(self, sql: str, *values: object) -> sqlite3.Cursor:
-            found = self._db.execute(sql, *values)  # type: ignore[arg-type]
-            if sql == "COMMIT" and moment == "after":
-                SWAPS[swap](folder)
-            return found
-
-    def swapped(*given: object) -> None:
-        insert_entry(*given)  # type: ignore[arg-type]
+    def inserted(*given: Any) -> None:
+        insert_entry(*given)
         SWAPS[swap](folder)
 
+    def committed() -> None:
+        if not ledger._db.in_transaction:
+            SWAPS[swap](folder)
+        check()
+
     with Ledger.open(folder, writable=True) as ledger:
-        if moment == "before":
-            monkeypatch.setattr(store, "insert_entry", swapped)
-        real, ledger._db = ledger._db, Traced(ledger._db)  # type: ignore[assignment]
-        with pytest.raises(errors.ReplacedError):
+        check = ledger._place.check
+        before = patch.object(store, "insert_entry", inserted)
+        after = patch.object(ledger._place, "check", committed)
+        with before if moment == "before" else after, pytest.raises(errors.ReplacedError):
             ledger.publish("R1", KEYS["R1"], b"x", "time", 60)
         assert ledger.head.height == 5
-        ledger._db = real
     if swap == "folder restored":
         assert verify(folder).ok and verify(folder).blocks == 6
 
 
-def test_a_swap_while_it_is_opened_is_noticed(
-    folder: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    read_state = store.read_state
-
+def test_a_swap_while_it_is_opened_is_noticed(folder: Path) -> None:
     def swapped(db: sqlite3.Connection) -> object:
         SWAPS["folder restored"](folder)
         return read_state(db)
 
-    monkeypatch.setattr(store, "read_state", swapped)
-    with pytest.raises(errors.ReplacedError):
+    with patch.object(reader, "read_state", swapped), pytest.raises(errors.ReplacedError):
         Ledger.open(folder)
-    monkeypatch.setattr(store, "read_state", read_state)
     shutil.rmtree(folder.with_name("moved"))
     found = verify(folder, progress=lambda done, total: done == 6 and SWAPS["folder moved"](folder))
     assert not found.ok and "open it again" in found.reason

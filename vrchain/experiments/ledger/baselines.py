@@ -26,7 +26,7 @@ from vrchain.ledger.storage.blobs import BlobStore
 from vrchain.ledger.storage.closing import Closing
 from vrchain.ledger.storage.database import connect, insert_entry
 from vrchain.ledger.storage.folder import create_folder
-from vrchain.ledger.store import BLOBS_NAME
+from vrchain.ledger.storage.place import BLOBS_NAME
 
 _NOTHING = b""
 
@@ -125,9 +125,7 @@ class MemoryLedger:
         for turn in turns:
             payload_digest = blob_digest(turn.payload)
             lap("hash")
-            draft = self.chain.draft_transaction(
-                turn.robot, payload_digest, "distance", turn.timestamp_ns
-            )
+            draft = self.chain.draft(turn.robot, payload_digest, "distance", turn.timestamp_ns)
             assert draft.body
             lap("encode")
             transactions.append(draft.signed(turn.key))

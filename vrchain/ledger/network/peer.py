@@ -33,6 +33,7 @@ MAX_MESSAGE_BYTES = MAX_PAYLOAD_BYTES + 16 * MAX_RECORD_BYTES
 _MAX_ANSWER_BYTES = 1 << 16
 _NO_MORE = b""  # no record is empty
 _ACCEPTED, _REFUSED = b"=", b"!"
+_PATHS = str(ROOT), os.environ.get("PYTHONPATH")
 _RUN = "import sys; from vrchain.ledger.network.peer import serve; serve(int(sys.argv[1]))"
 
 
@@ -50,7 +51,7 @@ class PeerProcess(Closing):
                 [sys.executable, "-c", _RUN, str(theirs.fileno())],
                 pass_fds=[theirs.fileno()],
                 stdin=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join([str(ROOT), *_python_path()])},
+                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, _PATHS))},
                 start_new_session=True,  # Ctrl-C is the parent's; the child ends with its socket
             )
         try:
@@ -128,8 +129,3 @@ def accept(chain: Chain | None, frames: Sequence[bytes]) -> Chain:
         raise PayloadDigestError(f"the blobs are not those that the records of {block} name")
     chain.state = after
     return chain
-
-
-def _python_path() -> list[str]:
-    path = os.environ.get("PYTHONPATH")
-    return [path] if path else []

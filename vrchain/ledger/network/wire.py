@@ -25,10 +25,7 @@ def pack(frames: Sequence[bytes]) -> bytes:
 
 def send(connection: socket.socket, frames: Sequence[bytes]) -> None:
     """Send one message. OSError."""
-    connection.sendall(_count(len(frames)))
-    for frame in frames:
-        connection.sendall(_count(len(frame)))
-        connection.sendall(frame)
+    connection.sendall(pack(frames))
 
 
 def receive(connection: socket.socket, max_frames: int, max_bytes: int) -> list[bytes] | None:

@@ -1,21 +1,17 @@
-"""A block: one link of the chain, with every robot's newest transaction."""
+"""A block: one link of the chain. Its hash covers all fields of ``Block`` and the signature."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar, NamedTuple, Self, TypeAlias, cast
+from typing import Annotated, ClassVar, NamedTuple, TypeAlias, cast
 
 from vrchain.ledger.errors import NewestError, RecordError
-from vrchain.ledger.records.encoding import (
-    DIGEST_BYTES,
-    NO_DIGEST,
-    Field,
+from vrchain.ledger.records.encoding import NO_DIGEST, digest, encode, encode_fields
+from vrchain.ledger.records.fields import (
+    Checked,
+    Timestamp,
+    check_digest,
     check_integer,
-    check_kinds,
-    check_length,
     check_name,
-    digest,
-    encode,
-    encode_fields,
 )
 from vrchain.ledger.records.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
 from vrchain.ledger.records.merkle import Tree
@@ -32,6 +28,11 @@ _RECORD_KINDS: dict[str, type[SignedRecord]] = {
 }
 
 
+def _check_author(what: str, author: str) -> None:
+    if author != OPERATOR:
+        check_name(what, author)
+
+
 @dataclass(frozen=True)
 class Block(SignedRecord):
     """The signed part is short, whatever the block brings in and however many robots there are.
@@ -44,22 +45,13 @@ class Block(SignedRecord):
 
     DOMAIN: ClassVar[str] = "vrchain/2/block"
 
-    height: int
-    previous_hash: bytes
-    timestamp_ns: int
-    records_root: bytes
-    newest_root: bytes
-    author: str
+    height: Annotated[int, Checked("height", check_integer)]
+    previous_hash: Annotated[bytes, Checked("previous hash", check_digest)]
+    timestamp_ns: Timestamp
+    records_root: Annotated[bytes, Checked("root of the records", check_digest)]
+    newest_root: Annotated[bytes, Checked("root of the newest", check_digest)]
+    author: Annotated[str, Checked("author", _check_author)]
     table: Table | None = field(default=None, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        check_integer("height", self.height)
-        check_length("previous hash", self.previous_hash, DIGEST_BYTES)
-        check_integer("timestamp_ns", self.timestamp_ns)
-        check_length("root of the records", self.records_root, DIGEST_BYTES)
-        check_length("root of the newest", self.newest_root, DIGEST_BYTES)
-        if self.author != OPERATOR:
-            check_name("author", self.author)
 
     def __str__(self) -> str:
         return f"block {self.height}"
@@ -86,21 +78,6 @@ class Block(SignedRecord):
                 f"{self} has another table of newest transactions than its records make"
             )
         self.__dict__["table"] = table
-
-    def _fields(self) -> tuple[Field, ...]:
-        return (
-            self.height,
-            self.previous_hash,
-            self.timestamp_ns,
-            self.records_root,
-            self.newest_root,
-            self.author,
-        )
-
-    @classmethod
-    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
-        kinds = (int, bytes, int, bytes, bytes, str)
-        return cls(*check_kinds("block", fields, *kinds), signature=signature)
 
 
 class Entry(NamedTuple):

@@ -7,13 +7,10 @@ the rules.
 """
 
 import hashlib
-import re
 import struct
-from collections.abc import Sequence
-from itertools import pairwise
 from typing import Any, TypeAlias
 
-from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
+from vrchain.ledger.errors import EncodingError, TooLargeError
 
 Field: TypeAlias = "int | str | bytes | tuple[Field, ...]"
 
@@ -25,7 +22,6 @@ MAX_INTEGER = (1 << 63) - 1  # also fits SQLite's signed integers
 _MAX_DEPTH = 4
 _HEAD = struct.Struct(">BI")  # one byte of tag, four of length
 _BYTES, _TEXT, _INTEGER, _TUPLE = b"bsit"
-_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}")
 
 
 def digest(data: bytes) -> bytes:
@@ -40,7 +36,7 @@ def encode(domain: str, *fields: Field) -> bytes:
     """
     data = encode_fields(domain, *fields)
     if len(data) > MAX_RECORD_BYTES:
-        raise _too_large("record", len(data), MAX_RECORD_BYTES)
+        raise too_large("record", len(data), MAX_RECORD_BYTES)
     return data
 
 
@@ -65,7 +61,7 @@ def split(data: bytes) -> tuple[str, tuple[Any, ...]]:
     if type(data) is not bytes:
         raise EncodingError(f"expected bytes, got {type(data).__name__}")
     if len(data) > MAX_RECORD_BYTES:
-        raise _too_large("record", len(data), MAX_RECORD_BYTES)
+        raise too_large("record", len(data), MAX_RECORD_BYTES)
     fields = decode_fields(data)
     if not fields or type(fields[0]) is not str:
         raise EncodingError("expected a record that begins with its domain; the bytes hold none")
@@ -86,43 +82,8 @@ def check_kinds(what: str, fields: tuple[Any, ...], *kinds: type) -> tuple[Any, 
     return fields
 
 
-def check_name(what: str, name: str) -> None:
-    """Refuse with RecordError what is no name: 1 to 64 of A-Z a-z 0-9 . _ -, not first . _ -"""
-    if not isinstance(name, str) or not _NAME.fullmatch(name):
-        raise RecordError(
-            f"{what}: expected 1 to 64 letters, digits, '.', '_' or '-' "
-            f"that begin with a letter or digit, got {name!r:.80}"
-        )
-
-
-def check_integer(what: str, value: int) -> None:
-    """Refuse with RecordError what is no integer in 0 .. 2**63 - 1."""
-    if type(value) is not int or not 0 <= value <= MAX_INTEGER:
-        raise RecordError(f"{what}: expected an integer from 0 to 2**63 - 1, got {value!r:.80}")
-
-
-def check_length(what: str, value: bytes, length: int) -> None:
-    """Refuse with RecordError what is not exactly ``length`` bytes."""
-    if type(value) is not bytes or len(value) != length:
-        got = f"{len(value)} bytes" if isinstance(value, bytes) else type(value).__name__
-        raise RecordError(f"{what}: expected {length} bytes, got {got}")
-
-
-def check_sorted(what: str, values: Sequence[Any]) -> None:
-    """Refuse with RecordError what is not sorted, or holds a value twice."""
-    if any(first >= second for first, second in pairwise(values)):
-        raise RecordError(f"{what}: expected them sorted, each once, got {values!r:.200}")
-
-
-def check_payload(payload: bytes) -> None:
-    """Refuse a payload that is not bytes (RecordError) or is too large (TooLargeError)."""
-    if type(payload) is not bytes:
-        raise RecordError(f"payload: expected bytes, got {type(payload).__name__}")
-    if len(payload) > MAX_PAYLOAD_BYTES:
-        raise _too_large("payload", len(payload), MAX_PAYLOAD_BYTES)
-
-
-def _too_large(what: str, size: int, limit: int) -> TooLargeError:
+def too_large(what: str, size: int, limit: int) -> TooLargeError:
+    """The error for a record or payload of more bytes than are taken."""
     return TooLargeError(f"expected a {what} of at most {limit} bytes, got {size} bytes")
 
 

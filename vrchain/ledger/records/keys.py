@@ -20,7 +20,8 @@ from cryptography.hazmat.primitives.serialization import (
 )
 
 from vrchain.ledger.errors import KeyFileError
-from vrchain.ledger.records.encoding import check_length, digest, encode
+from vrchain.ledger.records.encoding import digest, encode
+from vrchain.ledger.records.fields import check_length
 
 DATABASE_NAME = "ledger.sqlite"  # its presence makes a folder a ledger
 SIGNATURE_BYTES = 64
@@ -82,7 +83,9 @@ def save_key(key: SigningKey, path: Path) -> None:
     if key.public.insecure:
         raise KeyFileError("expected a live key to save, got a simulated one, which anyone knows")
     path = Path(path)
-    refuse_inside_ledger(path)
+    for folder in path.resolve().parents:
+        if (folder / DATABASE_NAME).exists():
+            raise KeyFileError(f"keys stay outside ledgers, but {path} lies in the ledger {folder}")
     pem = key.private.private_bytes(Encoding.PEM, PrivateFormat.PKCS8, NoEncryption())
     try:
         path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
@@ -119,13 +122,6 @@ def load_key(path: Path) -> SigningKey:
     if not isinstance(private, Ed25519PrivateKey):
         raise KeyFileError(f"expected an Ed25519 private key (PEM, no password) in {path}")
     return _signing_key(private, insecure=False)
-
-
-def refuse_inside_ledger(path: Path) -> None:
-    """Raise KeyFileError when ``path`` lies inside a ledger's folder, links followed."""
-    for folder in Path(path).resolve().parents:
-        if (folder / DATABASE_NAME).exists():
-            raise KeyFileError(f"keys stay outside ledgers, but {path} lies in the ledger {folder}")
 
 
 def _signing_key(private: Ed25519PrivateKey, insecure: bool) -> SigningKey:

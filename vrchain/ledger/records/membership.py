@@ -5,15 +5,16 @@ membership for ever; a drop says which blobs need not be there any more.
 """
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, TypeAlias
 
 from vrchain.ledger.errors import EncodingError, RecordError
-from vrchain.ledger.records.encoding import (
-    DIGEST_BYTES,
-    Field,
-    check_integer,
-    check_kinds,
-    check_length,
+from vrchain.ledger.records.encoding import DIGEST_BYTES, Field, check_kinds
+from vrchain.ledger.records.fields import (
+    Checked,
+    LedgerId,
+    SequenceNumber,
+    Timestamp,
+    check_digest,
     check_name,
     check_sorted,
 )
@@ -23,6 +24,34 @@ from vrchain.ledger.records.record import SignedRecord
 OPERATOR = "operator"  # who signs these records; no robot may be called so
 MAX_DROPPED = 10_000  # blobs in one drop
 _MAX_TEXT = 200
+
+
+def check_member_name(name: str) -> None:
+    """Refuse with RecordError what cannot name a member."""
+    check_name("member", name)
+    if name == OPERATOR:
+        raise RecordError(f"expected a member's name, got {OPERATOR!r}, which is reserved")
+
+
+def _check_text(what: str, text: str) -> None:
+    if not isinstance(text, str) or len(text) > _MAX_TEXT:
+        raise RecordError(f"{what}: expected text of at most {_MAX_TEXT} characters")
+
+
+def _check_salt(what: str, salt: bytes) -> None:
+    if type(salt) is not bytes or len(salt) > DIGEST_BYTES:
+        raise RecordError(f"{what}: expected at most {DIGEST_BYTES} bytes")
+
+
+def _check_dropped(what: str, blobs: tuple[bytes, ...]) -> None:
+    if not 1 <= len(blobs) <= MAX_DROPPED:
+        raise RecordError(f"drop: expected 1 to {MAX_DROPPED} blobs, got {len(blobs)}")
+    for blob in blobs:
+        check_digest("dropped blob", blob)
+    check_sorted(what, blobs)
+
+
+MemberName: TypeAlias = Annotated[str, Checked("member", lambda _, name: check_member_name(name))]
 
 
 @dataclass(frozen=True)
@@ -35,18 +64,14 @@ class Genesis(SignedRecord):
 
     DOMAIN: ClassVar[str] = "vrchain/2/genesis"
 
-    name: str
-    salt: bytes
-    timestamp_ns: int
+    name: Annotated[str, Checked("ledger name", _check_text)]
+    salt: Annotated[bytes, Checked("salt", _check_salt)]
+    timestamp_ns: Timestamp
     operator: PublicKey
     members: tuple[tuple[str, PublicKey], ...]
 
     def __post_init__(self) -> None:
-        if not isinstance(self.name, str) or len(self.name) > _MAX_TEXT:
-            raise RecordError(f"ledger name: expected text of at most {_MAX_TEXT} characters")
-        if type(self.salt) is not bytes or len(self.salt) > DIGEST_BYTES:
-            raise RecordError(f"salt: expected at most {DIGEST_BYTES} bytes")
-        check_integer("timestamp_ns", self.timestamp_ns)
+        super().__post_init__()
         for name, _ in self.members:
             check_member_name(name)
         check_sorted("members", [name for name, _ in self.members])
@@ -61,7 +86,7 @@ class Genesis(SignedRecord):
 
     def _fields(self) -> tuple[Field, ...]:
         members = tuple((name, *_key_fields(key)) for name, key in self.members)
-        return (self.name, self.salt, self.timestamp_ns, _key_fields(self.operator), members)
+        return (*super()._fields(), _key_fields(self.operator), members)
 
     @classmethod
     def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
@@ -76,14 +101,9 @@ class Genesis(SignedRecord):
 class OperatorRecord(SignedRecord):
     """Base of the operator's records after genesis; ``sequence`` counts them from 0."""
 
-    ledger_id: bytes
-    sequence: int
-    timestamp_ns: int
-
-    def __post_init__(self) -> None:
-        check_length("ledger id", self.ledger_id, DIGEST_BYTES)
-        check_integer("sequence", self.sequence)
-        check_integer("timestamp_ns", self.timestamp_ns)
+    ledger_id: LedgerId
+    sequence: SequenceNumber
+    timestamp_ns: Timestamp
 
 
 @dataclass(frozen=True)
@@ -92,28 +112,20 @@ class Enrolment(OperatorRecord):
 
     DOMAIN: ClassVar[str] = "vrchain/2/enrolment"
 
-    name: str
+    name: MemberName
     public_key: PublicKey
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_member_name(self.name)
 
     def __str__(self) -> str:
         return f"the enrolment of {self.name}"
 
     def _fields(self) -> tuple[Field, ...]:
-        key = _key_fields(self.public_key)
-        return (self.ledger_id, self.sequence, self.timestamp_ns, self.name, *key)
+        return (*super()._fields(), *_key_fields(self.public_key))
 
     @classmethod
     def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
         kinds = (bytes, int, int, str, bytes, int)
-        ledger_id, sequence, timestamp_ns, name, raw, insecure = check_kinds(
-            "enrolment", fields, *kinds
-        )
-        key = _key(raw, insecure)
-        return cls(ledger_id, sequence, timestamp_ns, name, key, signature=signature)
+        ledger_id, number, time_ns, name, *key = check_kinds("enrolment", fields, *kinds)
+        return cls(ledger_id, number, time_ns, name, _key(*key), signature=signature)
 
 
 @dataclass(frozen=True)
@@ -125,21 +137,10 @@ class Expulsion(OperatorRecord):
 
     DOMAIN: ClassVar[str] = "vrchain/2/expulsion"
 
-    name: str
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        check_member_name(self.name)
+    name: MemberName
 
     def __str__(self) -> str:
         return f"the expulsion of {self.name}"
-
-    def _fields(self) -> tuple[Field, ...]:
-        return (self.ledger_id, self.sequence, self.timestamp_ns, self.name)
-
-    @classmethod
-    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
-        return cls(*check_kinds("expulsion", fields, bytes, int, int, str), signature=signature)
 
 
 @dataclass(frozen=True)
@@ -151,32 +152,10 @@ class Drop(OperatorRecord):
 
     DOMAIN: ClassVar[str] = "vrchain/2/drop"
 
-    blobs: tuple[bytes, ...]
-
-    def __post_init__(self) -> None:
-        super().__post_init__()
-        if not 1 <= len(self.blobs) <= MAX_DROPPED:
-            raise RecordError(f"drop: expected 1 to {MAX_DROPPED} blobs, got {len(self.blobs)}")
-        for blob in self.blobs:
-            check_length("dropped blob", blob, DIGEST_BYTES)
-        check_sorted("dropped blobs", self.blobs)
+    blobs: Annotated[tuple[bytes, ...], Checked("dropped blobs", _check_dropped)]
 
     def __str__(self) -> str:
         return f"the drop of {len(self.blobs)} blobs"
-
-    def _fields(self) -> tuple[Field, ...]:
-        return (self.ledger_id, self.sequence, self.timestamp_ns, self.blobs)
-
-    @classmethod
-    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
-        return cls(*check_kinds("drop", fields, bytes, int, int, tuple), signature=signature)
-
-
-def check_member_name(name: str) -> None:
-    """Refuse with RecordError what cannot name a member."""
-    check_name("member", name)
-    if name == OPERATOR:
-        raise RecordError(f"expected a member's name, got {OPERATOR!r}, which is reserved")
 
 
 def _key_fields(key: PublicKey) -> tuple[bytes, int]:

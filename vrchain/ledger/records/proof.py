@@ -8,14 +8,8 @@ from dataclasses import dataclass
 
 from vrchain.ledger.errors import EncodingError, ProofError, RecordError
 from vrchain.ledger.records.block import Block
-from vrchain.ledger.records.encoding import (
-    DIGEST_BYTES,
-    check_kinds,
-    check_length,
-    decode,
-    digest,
-    encode,
-)
+from vrchain.ledger.records.encoding import check_kinds, decode, digest, encode
+from vrchain.ledger.records.fields import check_digest
 from vrchain.ledger.records.merkle import MAX_PATH, Path, climb
 from vrchain.ledger.records.table import leaf_of
 from vrchain.ledger.records.transaction import Transaction
@@ -36,7 +30,7 @@ class Proof:
         for side, sibling in self.path:
             if side not in (0, 1):
                 raise RecordError(f"proof: expected a side of 0 or 1, got {side}")
-            check_length("proof's sibling", sibling, DIGEST_BYTES)
+            check_digest("proof's sibling", sibling)
 
     def climbed(self, transaction: Transaction) -> list[bytes]:
         """The hashes from the transaction's row up to the root: one more than there are steps."""

@@ -1,9 +1,9 @@
-"""What every signed record has in common: body, signature, canonical bytes, id.
+"""What every signed record has in common: fields, body, signature, canonical bytes, id.
 
-The signature is over the body. The id is the SHA-256 of the whole record, signature
-included, so that a head hash pins every stored byte. Nobody but the signer can make a
-second valid signature for a body; a signer who does makes a second id for one sequence
-number, which the chain refuses as a replay.
+The body is the domain and the fields that a class declares, in their order; the signature is over
+it. The id is the SHA-256 of the whole record, signature included, so that a head hash pins every
+stored byte. Nobody but the signer can make a second valid signature for a body; a signer who does
+makes a second id for one sequence number, which the chain refuses as a replay.
 
 Records never change, so each keeps its bytes once they are made or read, and the key for
 which its signature was once found to hold.
@@ -11,29 +11,14 @@ which its signature was once found to hold.
 
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Self, get_args, get_origin, get_type_hints
 
 from vrchain.ledger.errors import EncodingError, SignatureError
-from vrchain.ledger.records.encoding import (
-    MAX_RECORD_BYTES,
-    Field,
-    check_kinds,
-    check_length,
-    decode,
-    digest,
-    encode,
-    encode_fields,
-    split,
-)
+from vrchain.ledger.records.encoding import Field, check_kinds, decode, digest, encode, split
+from vrchain.ledger.records.fields import Checked, check_length
 from vrchain.ledger.records.keys import SIGNATURE_BYTES, PublicKey, SigningKey
 
 SIGNED_DOMAIN = "vrchain/2/signed"
-
-# encode(SIGNED_DOMAIN, body, signature) has these bytes around the body and its length.
-_BEFORE_BODY = encode(SIGNED_DOMAIN, b"")[:-4]
-_BODY_START = len(_BEFORE_BODY) + 4
-_AFTER_BODY = encode_fields(bytes(SIGNATURE_BYTES))[:-SIGNATURE_BYTES]
-_LEAST_BYTES = _BODY_START + len(_AFTER_BODY) + SIGNATURE_BYTES
 
 
 @dataclass(frozen=True)
@@ -41,8 +26,23 @@ class SignedRecord:
     """Base of the record kinds. An empty signature marks a draft, which has no canonical bytes."""
 
     DOMAIN: ClassVar[str]
+    field_names: ClassVar[tuple[str, ...]]  # of what the body holds behind the domain, in its order
+    _types: ClassVar[tuple[type, ...]]
+    _checks: ClassVar[tuple[Checked, ...]]
 
     signature: bytes = field(default=b"", kw_only=True)
+
+    def __init_subclass__(cls) -> None:
+        """Look once which fields are annotated with ``Checked``: these are the body's."""
+        hints = get_type_hints(cls, include_extras=True)
+        declared = {name: get_args(h) for name, h in hints.items() if get_origin(h) is Annotated}
+        cls.field_names = tuple(declared)
+        cls._types = tuple([get_origin(kind) or kind for kind, _ in declared.values()])
+        cls._checks = tuple([checked for _, checked in declared.values()])
+
+    def __post_init__(self) -> None:
+        for name, (what, check) in zip(self.field_names, self._checks, strict=True):
+            check(what, getattr(self, name))
 
     @cached_property
     def body(self) -> bytes:
@@ -84,11 +84,11 @@ class SignedRecord:
         return record
 
     def _fields(self) -> tuple[Field, ...]:
-        raise NotImplementedError
+        return tuple([getattr(self, name) for name in self.field_names])
 
     @classmethod
     def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
-        raise NotImplementedError
+        return cls(*check_kinds(cls.__name__.lower(), fields, *cls._types), signature=signature)
 
 
 def decode_signed(data: bytes, kinds: dict[str, type[SignedRecord]]) -> SignedRecord:
@@ -96,22 +96,12 @@ def decode_signed(data: bytes, kinds: dict[str, type[SignedRecord]]) -> SignedRe
 
     Raises EncodingError, RecordError or TooLargeError for anything else.
     """
-    body, signature = _opened(data)
+    fields = decode(data, SIGNED_DOMAIN)
+    body, signature = check_kinds("signed record", fields, bytes, bytes)
+    check_length("signature", signature, SIGNATURE_BYTES)
     domain, fields = split(body)
     if domain not in kinds:
         raise EncodingError(f"expected a record of {' or '.join(kinds)}, got {domain!r:.80}")
     record = kinds[domain]._from_fields(fields, signature)
     record.__dict__.update(body=body, record=data)  # what decodes is canonical
     return record
-
-
-def _opened(data: bytes) -> tuple[bytes, bytes]:
-    """Body and signature. What has the shape of all records is cut; the decoder judges the rest."""
-    if type(data) is bytes and _LEAST_BYTES <= len(data) <= MAX_RECORD_BYTES:
-        end = len(data) - len(_AFTER_BODY) - SIGNATURE_BYTES
-        before = _BEFORE_BODY + (end - _BODY_START).to_bytes(4, "big")
-        if data.startswith(before) and data.startswith(_AFTER_BODY, end):
-            return data[_BODY_START:end], data[-SIGNATURE_BYTES:]
-    body, signature = check_kinds("signed record", decode(data, SIGNED_DOMAIN), bytes, bytes)
-    check_length("signature", signature, SIGNATURE_BYTES)
-    return body, signature

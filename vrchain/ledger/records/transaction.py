@@ -1,25 +1,28 @@
 """A transaction: one robot says, signed, that it took one panorama and saw its landmarks."""
 
 from dataclasses import dataclass
-from typing import Any, ClassVar, Self
+from typing import Annotated, ClassVar
 
 from vrchain.ledger.errors import PayloadDigestError, RecordError
-from vrchain.ledger.records.encoding import (
-    DIGEST_BYTES,
-    NO_DIGEST,
-    Field,
-    check_integer,
-    check_kinds,
-    check_length,
+from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES, NO_DIGEST, digest, too_large
+from vrchain.ledger.records.fields import (
+    Checked,
+    LedgerId,
+    SequenceNumber,
+    Timestamp,
+    check_digest,
     check_name,
-    check_payload,
-    digest,
 )
 from vrchain.ledger.records.record import SignedRecord
 
 REASONS = ("start", "distance", "view", "time")
 NO_BLOB = NO_DIGEST  # the landmarks' digest of a publisher that has none yet
 NO_TRANSACTION = NO_DIGEST  # what a robot's first transaction has for its previous one
+
+
+def _check_reason(what: str, reason: str) -> None:
+    if reason not in REASONS:
+        raise RecordError(f"expected a {what} of {', '.join(REASONS)}, got {reason!r:.80}")
 
 
 @dataclass(frozen=True)
@@ -34,25 +37,14 @@ class Transaction(SignedRecord):
 
     DOMAIN: ClassVar[str] = "vrchain/2/transaction"
 
-    ledger_id: bytes
-    robot: str
-    sequence: int
-    timestamp_ns: int
-    reason: str
-    payload_digest: bytes
-    landmarks_digest: bytes = NO_BLOB
-    previous: bytes = NO_TRANSACTION
-
-    def __post_init__(self) -> None:
-        check_length("ledger id", self.ledger_id, DIGEST_BYTES)
-        check_name("robot", self.robot)
-        check_integer("sequence", self.sequence)
-        check_integer("timestamp_ns", self.timestamp_ns)
-        if self.reason not in REASONS:
-            raise RecordError(f"expected a reason of {', '.join(REASONS)}, got {self.reason!r:.80}")
-        check_length("payload digest", self.payload_digest, DIGEST_BYTES)
-        check_length("landmarks digest", self.landmarks_digest, DIGEST_BYTES)
-        check_length("previous transaction", self.previous, DIGEST_BYTES)
+    ledger_id: LedgerId
+    robot: Annotated[str, Checked("robot", check_name)]
+    sequence: SequenceNumber
+    timestamp_ns: Timestamp
+    reason: Annotated[str, Checked("reason", _check_reason)]
+    payload_digest: Annotated[bytes, Checked("payload digest", check_digest)]
+    landmarks_digest: Annotated[bytes, Checked("landmarks digest", check_digest)] = NO_BLOB
+    previous: Annotated[bytes, Checked("previous transaction", check_digest)] = NO_TRANSACTION
 
     def __str__(self) -> str:
         return f"transaction {self.sequence} of {self.robot}"
@@ -63,23 +55,6 @@ class Transaction(SignedRecord):
         if self.landmarks_digest == NO_BLOB:
             return (self.payload_digest,)
         return (self.payload_digest, self.landmarks_digest)
-
-    def _fields(self) -> tuple[Field, ...]:
-        return (
-            self.ledger_id,
-            self.robot,
-            self.sequence,
-            self.timestamp_ns,
-            self.reason,
-            self.payload_digest,
-            self.landmarks_digest,
-            self.previous,
-        )
-
-    @classmethod
-    def _from_fields(cls, fields: tuple[Any, ...], signature: bytes) -> Self:
-        kinds = (bytes, str, int, int, str, bytes, bytes, bytes)
-        return cls(*check_kinds("transaction", fields, *kinds), signature=signature)
 
 
 @dataclass(frozen=True)
@@ -110,5 +85,8 @@ def blob_digest(blob: bytes | None) -> bytes:
     """SHA-256 of a blob, NO_BLOB of none. RecordError or TooLargeError for what is no blob."""
     if blob is None:
         return NO_BLOB
-    check_payload(blob)
+    if type(blob) is not bytes:
+        raise RecordError(f"payload: expected bytes, got {type(blob).__name__}")
+    if len(blob) > MAX_PAYLOAD_BYTES:
+        raise too_large("payload", len(blob), MAX_PAYLOAD_BYTES)
     return digest(blob)

@@ -1,4 +1,4 @@
-"""A replica of the chain in memory: it judges each block and remembers the newest state.
+"""A replica of the chain: it judges each block, makes the next one, and knows the newest state.
 
 The history itself is the store's; what is here is what the next block is judged by.
 """
@@ -7,21 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from types import MappingProxyType
 from typing import TypeAlias
 
-from vrchain.ledger.errors import RecordError
+from vrchain.ledger.errors import RecordError, SignatureError
 from vrchain.ledger.records.block import NO_BLOCK, Block, Entry, Record, records_root
 from vrchain.ledger.records.keys import PublicKey, SigningKey
-from vrchain.ledger.records.membership import OPERATOR, Drop, Enrolment, Expulsion, Genesis
+from vrchain.ledger.records.membership import OPERATOR, Genesis
 from vrchain.ledger.records.transaction import NO_BLOB, NO_TRANSACTION, Transaction
-from vrchain.ledger.rules.validity import (
-    Earlier,
-    State,
-    begin,
-    check_author,
-    follow,
-    nothing_earlier,
-    table_of,
-    take,
-)
+from vrchain.ledger.rules.validity import State, begin, follow, table_of, take
 
 Lap: TypeAlias = Callable[[str], object]
 
@@ -49,22 +40,10 @@ def check_new_name(name: str) -> None:
         raise RecordError(f"ledger name: expected printable characters, got {name!a:.80}")
 
 
-class Chain:
-    """The state after some entries. Start one with the ledger's first entry.
+class Replica:
+    """What is known of a chain up to its newest block: ``Chain`` in memory, ``Ledger`` on disk."""
 
-    ``earlier`` finds transactions that are no longer the newest, where they are at hand.
-    """
-
-    def __init__(self, first: Entry) -> None:
-        self.state = begin(*first)
-        self._earlier: Earlier = nothing_earlier
-
-    @classmethod
-    def at(cls, state: State, earlier: Earlier) -> "Chain":
-        """A chain that goes on from a state that the caller vouches for."""
-        chain = cls.__new__(cls)
-        chain.state, chain._earlier = state, earlier
-        return chain
+    state: State
 
     @property
     def genesis(self) -> Genesis:
@@ -73,7 +52,7 @@ class Chain:
 
     @property
     def head(self) -> Block:
-        """The newest block."""
+        """The newest block that is known here."""
         return self.state.head
 
     @property
@@ -81,8 +60,21 @@ class Chain:
         """Public keys by robot."""
         return MappingProxyType(self.state.members)
 
+    @property
+    def expelled(self) -> frozenset[str]:
+        """Names that were members; none of them comes back."""
+        return self.state.expelled
+
+    @property
+    def robots(self) -> tuple[str, ...]:
+        """The members' names, sorted."""
+        return tuple(sorted(self.state.members))
+
     def latest(self, robot: str) -> Transaction | None:
-        """The robot's newest transaction, None before its first; UnknownMemberError."""
+        """The robot's newest transaction that is known here, None before its first.
+
+        Raises UnknownMemberError, ExpelledMemberError.
+        """
         try:
             return self.state.newest[robot]
         except KeyError:
@@ -91,10 +83,6 @@ class Chain:
     def check(self, block: Block, records: Sequence[Record]) -> State:
         """The state after this block, without going there; an InvalidError if it is refused."""
         return follow(self.state, block, records, self._earlier)
-
-    def append(self, block: Block, records: Sequence[Record]) -> None:
-        """Take the block in, or raise an InvalidError and stay as before."""
-        self.state = self.check(block, records)
 
     def make(
         self,
@@ -105,13 +93,14 @@ class Chain:
     ) -> tuple[Entry, State]:
         """The next block, which brings in ``records``, signed by ``key``, and the state after it.
 
-        The chain stays where it is. The block's timestamp is the latest among the head's and the
+        The replica stays where it is. The block's timestamp is the latest among the head's and the
         records'. ``lap(stage)`` is called after validate, encode and sign. Raises an InvalidError
         kind.
         """
         head = self.state.head
         after = take(self.state, records, author, self._earlier)
-        check_author(after, author, key.public)  # the block's own signature need not be, then
+        if after.public_key(author).raw != key.public.raw:
+            raise SignatureError(f"expected the key of {author} to sign a block with, got another")
         lap("validate")
         draft = Block(
             head.height + 1,
@@ -128,7 +117,7 @@ class Chain:
         lap("sign")
         return Entry(block, tuple(records)), after._replace(head=block)
 
-    def draft_transaction(
+    def draft(
         self,
         robot: str,
         payload_digest: bytes,
@@ -136,7 +125,7 @@ class Chain:
         timestamp_ns: int,
         landmarks_digest: bytes = NO_BLOB,
     ) -> Transaction:
-        """The robot's next transaction, not signed yet."""
+        """The robot's next transaction, for blobs with these digests, not signed yet."""
         last = self.latest(robot)
         return Transaction(
             self.genesis.id,
@@ -149,17 +138,21 @@ class Chain:
             last.id if last else NO_TRANSACTION,
         )
 
-    def draft_enrolment(self, name: str, public_key: PublicKey, timestamp_ns: int) -> Enrolment:
-        """The operator's next record, an enrolment, not signed yet."""
-        return Enrolment(*self._operators_next(timestamp_ns), name, public_key)
-
-    def draft_expulsion(self, name: str, timestamp_ns: int) -> Expulsion:
-        """The operator's next record, an expulsion, not signed yet."""
-        return Expulsion(*self._operators_next(timestamp_ns), name)
-
-    def draft_drop(self, blobs: Sequence[bytes], timestamp_ns: int) -> Drop:
-        """The operator's next record, a drop of these blobs, not signed yet."""
-        return Drop(*self._operators_next(timestamp_ns), tuple(sorted(set(blobs))))
-
-    def _operators_next(self, timestamp_ns: int) -> tuple[bytes, int, int]:
+    def operators_next(self, timestamp_ns: int) -> tuple[bytes, int, int]:
+        """What the operator's next record begins with: ledger id, sequence, ``timestamp_ns``."""
         return self.genesis.id, self.state.operator_records, timestamp_ns
+
+    def _earlier(self, robot: str, sequence: int) -> Transaction | None:
+        """A transaction that is no longer its robot's newest, where it is at hand."""
+        return None
+
+
+class Chain(Replica):
+    """A chain in memory, which begins with the ledger's first entry."""
+
+    def __init__(self, first: Entry) -> None:
+        self.state = begin(*first)
+
+    def append(self, block: Block, records: Sequence[Record]) -> None:
+        """Take the block in, or raise an InvalidError and stay as before."""
+        self.state = self.check(block, records)

@@ -16,12 +16,11 @@ from vrchain.ledger.errors import (
     RecordListError,
     ReplayError,
     SequenceGapError,
-    SignatureError,
     TimeOrderError,
     UnknownMemberError,
     WrongLedgerError,
 )
-from vrchain.ledger.records.block import NO_BLOCK, Block, Entry, Record, records_root
+from vrchain.ledger.records.block import NO_BLOCK, Block, Record, records_root
 from vrchain.ledger.records.keys import PublicKey
 from vrchain.ledger.records.membership import (
     OPERATOR,
@@ -116,11 +115,6 @@ def follow(
     return after._replace(head=block)
 
 
-def start_or_follow(state: State | None, entry: Entry) -> State:
-    """``begin`` for the first entry, ``follow`` for every later one."""
-    return begin(*entry) if state is None else follow(state, *entry)
-
-
 def take(
     state: State, records: Sequence[Record], author: str, earlier: Earlier = nothing_earlier
 ) -> State:
@@ -140,8 +134,12 @@ def take(
                 f"this one is {state.genesis.id.hex()}"
             )
         if isinstance(record, Transaction):
-            _check_publication(state, record, published, earlier)
-            published[record.robot] = record
+            robot = record.robot
+            if robot not in state.members:
+                raise state.not_a_member(robot)
+            last = published.get(robot) or state.newest[robot]
+            check_transaction(record, state.members[robot], last, earlier)
+            published[robot] = record
         else:
             state = _govern(_published(state, published), record, author)
             published = {}
@@ -175,12 +173,6 @@ def check_transaction(
     record.check_signature(record.robot, public)
 
 
-def check_author(state: State, author: str, public: PublicKey) -> None:
-    """Raise UnknownMemberError or SignatureError unless ``public`` is the author's key."""
-    if state.public_key(author).raw != public.raw:
-        raise SignatureError(f"expected the key of {author} to sign a block with, got another")
-
-
 def _check_link(block: Block, height: int, previous_hash: bytes, not_before_ns: int) -> None:
     if block.height != height:
         raise BrokenLinkError(f"expected a block of height {height}, got {block.height}")
@@ -200,16 +192,6 @@ def _check_order(what: Block | Transaction, timestamp_ns: int, not_before_ns: in
         )
 
 
-def _check_publication(
-    state: State, record: Transaction, published: Mapping[str, Transaction], earlier: Earlier
-) -> None:
-    robot = record.robot
-    public = state.members.get(robot)
-    if public is None:
-        raise state.not_a_member(robot)
-    check_transaction(record, public, published.get(robot) or state.newest[robot], earlier)
-
-
 def _published(state: State, published: Mapping[str, Transaction]) -> State:
     """The state with these as their robots' newest transactions."""
     if not published:
@@ -218,43 +200,42 @@ def _published(state: State, published: Mapping[str, Transaction]) -> State:
     return state._replace(newest={**state.newest, **published}, table=table)
 
 
-def _govern(state: State, record: OperatorRecord, author: str) -> State:
+def _govern(state: State, record: Enrolment | Expulsion | Drop, author: str) -> State:
     if author != OPERATOR:
         raise UnknownMemberError(f"expected {record} in a block by {OPERATOR}, got {author}")
     _check_sequence(record, state.operator_records)
     record.check_signature(OPERATOR, state.genesis.operator)
-    state = state._replace(operator_records=record.sequence + 1)
+    match record:
+        case Enrolment(name=name) if name in state.members:
+            raise DuplicateMemberError(f"{name} is a member already")
+        case Enrolment(name=name) if name in state.expelled:
+            raise state.not_a_member(name)
+        case Expulsion(name=name) if name not in state.members:
+            raise state.not_a_member(name)
+        case Drop():
+            for robot, last in state.newest.items():
+                if last and not set(last.blobs).isdisjoint(record.blobs):
+                    raise DropError(
+                        f"{record} names a blob of {last}, which is the newest of {robot}"
+                    )
+    after = governed(state, record)
+    return after if isinstance(record, Drop) else after._replace(table=table_of(after.newest))
+
+
+def governed(state: State, record: Record) -> State:
+    """The state after the operator's next record, which is not judged here, nor is the table."""
+    members, newest, expelled = state.members.copy(), state.newest.copy(), state.expelled
     if isinstance(record, Enrolment):
-        return _enrol(state, record)
-    if isinstance(record, Expulsion):
-        return _expel(state, record)
-    assert isinstance(record, Drop)
-    dropped = set(record.blobs)
-    for robot, last in state.newest.items():
-        if last and not dropped.isdisjoint(last.blobs):
-            raise DropError(f"{record} names a blob of {last}, which is the newest of {robot}")
-    return state
-
-
-def _enrol(state: State, record: Enrolment) -> State:
-    name = record.name
-    if name in state.members:
-        raise DuplicateMemberError(f"{name} is a member already")
-    if name in state.expelled:
-        raise state.not_a_member(name)
-    members = state.members | {name: record.public_key}
-    newest = state.newest | {name: None}
-    return state._replace(members=members, newest=newest, table=table_of(newest))
-
-
-def _expel(state: State, record: Expulsion) -> State:
-    name = record.name
-    if name not in state.members:
-        raise state.not_a_member(name)
-    members = {member: key for member, key in state.members.items() if member != name}
-    newest = {member: last for member, last in state.newest.items() if member != name}
+        members[record.name], newest[record.name] = record.public_key, None
+    elif isinstance(record, Expulsion):
+        members.pop(record.name, None)
+        newest.pop(record.name, None)
+        expelled |= {record.name}
     return state._replace(
-        members=members, expelled=state.expelled | {name}, newest=newest, table=table_of(newest)
+        members=members,
+        expelled=expelled,
+        newest=newest,
+        operator_records=state.operator_records + 1,
     )
 
 

@@ -29,7 +29,7 @@ FORMAT_VERSION = 2
 
 # robot is null for the operator's records. Its index goes on with the primary key's columns, so
 # that it finds a robot's transactions in their order, and its newest up to a height.
-_SCHEMA = f"""
+SCHEMA = f"""
 PRAGMA application_id = {APPLICATION_ID};
 PRAGMA user_version = {FORMAT_VERSION};
 CREATE TABLE blocks (height INTEGER PRIMARY KEY, hash BLOB NOT NULL, record BLOB NOT NULL);
@@ -45,26 +45,12 @@ CREATE INDEX robots ON records (robot);
 """
 
 _LOG_PAGES = 256  # of 4 KiB, before SQLite's log is written back: it is a small part of the disk
-_CHUNK = 64  # blocks that are read at a time
+_ORDER = "ORDER BY height, position"  # the chain's
 _CELL_BYTES = 2 * MAX_RECORD_BYTES  # a stored value larger than this is not even read
-_ROWS_BYTES = MAX_PAYLOAD_BYTES  # of one block, or of those read at a time
+_ROWS_BYTES = MAX_PAYLOAD_BYTES  # of one block
 
 _BlockRow: TypeAlias = tuple[int, bytes, bytes]
 _RecordRow: TypeAlias = tuple[int, int, bytes, str | None, bytes]
-
-
-def create_database(path: Path, first: Entry) -> None:
-    """A new database file with the first entry, closed and durable. Raises sqlite3.Error."""
-    db = sqlite3.connect(path, isolation_level=None)
-    try:
-        _prepare(db, wait_s=5.0)
-        db.execute("PRAGMA journal_mode = WAL")  # kept in the file's header
-        db.executescript(_SCHEMA)
-        db.execute("BEGIN IMMEDIATE")
-        insert_entry(db, first)
-        db.execute("COMMIT")
-    finally:
-        db.close()
 
 
 def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
@@ -78,7 +64,7 @@ def connect(folder: Path, writable: bool, wait_s: float) -> sqlite3.Connection:
         uri = f"{path.as_uri()}?mode={'rw' if writable else 'ro'}"
         db = sqlite3.connect(uri, uri=True, isolation_level=None)
         try:
-            _prepare(db, wait_s)
+            prepare(db, wait_s)
             application = db.execute("PRAGMA application_id").fetchone()[0]
             version = db.execute("PRAGMA user_version").fetchone()[0]
             if (application, version) != (APPLICATION_ID, FORMAT_VERSION):
@@ -121,7 +107,7 @@ def check_schema(db: sqlite3.Connection) -> None:
 @functools.cache
 def _schema() -> list[tuple[str, str, str, str | None]]:
     with contextlib.closing(sqlite3.connect(":memory:")) as db:
-        db.executescript(_SCHEMA)
+        db.executescript(SCHEMA)
         return _stored_schema(db, -1)
 
 
@@ -142,63 +128,34 @@ def insert_entry(db: sqlite3.Connection, entry: Entry) -> None:
     db.executemany("INSERT INTO records VALUES (?, ?, ?, ?, ?)", rows)
 
 
-def read_entry(db: sqlite3.Connection, height: int) -> Entry:
-    """The entry at a height. NotFoundError where no block is; otherwise as ``read_entries``."""
-    return next(read_entries(db, height, height + 1))
-
-
 def read_entries(db: sqlite3.Connection, start: int, stop: int) -> Iterator[Entry]:
-    """The entries from height ``start`` to before ``stop``, some at a time.
+    """The entries from height ``start`` to before ``stop``.
 
     NotFoundError where a block is missing, DamagedError unless every stored byte and column
     is what these records make it. Whether they follow the chain, and whether a block's roots
     are those of its records and table, is not judged here.
     """
-    for first in range(start, stop, _CHUNK):
-        heights = range(first, min(first + _CHUNK, stop))
-        try:
-            blocks, records = _read_rows(db, heights)
-        except StorageError:
-            if len(heights) == 1:
-                raise
-            blocks = None
-        if blocks is None:
-            for height in heights:  # one by one, to come to the one that cannot be read
-                yield from read_entries(db, height, height + 1)
-            continue
-        for height in heights:
-            if height not in blocks:
-                raise NotFoundError(f"block {height} is missing")
-            yield _entry(blocks[height], records.get(height, []))
+    for height in range(start, stop):
+        with storage_errors(f"reading blocks {height} to {height}"):
+            block = db.execute("SELECT * FROM blocks WHERE height = ?", (height,)).fetchone()
+            query = f"SELECT * FROM records WHERE height = ? {_ORDER}"
+            rows = _bounded(db.execute(query, (height,)))
+        if block is None:
+            raise NotFoundError(f"block {height} is missing")
+        yield _entry(block, rows)
 
 
-def _read_rows(
-    db: sqlite3.Connection, heights: range
-) -> tuple[dict[int, _BlockRow], dict[int, list[_RecordRow]]]:
-    """The rows of the blocks at these heights, and those of their records."""
-    first, last = heights[0], heights[-1]
-    blocks: dict[int, _BlockRow] = {}
-    records: dict[int, list[_RecordRow]] = {}
-    with storage_errors(f"reading blocks {first} to {last}"):
-        query = "SELECT * FROM blocks WHERE height BETWEEN ? AND ?"
-        for row in _bounded(db.execute(query, (first, last))):
-            blocks[row[0]] = row
-        query = "SELECT * FROM records WHERE height BETWEEN ? AND ? ORDER BY height, position"
-        for row in _bounded(db.execute(query, (first, last))):
-            records.setdefault(row[0], []).append(row)
-    return blocks, records
-
-
-def _bounded(rows: Iterable[Any]) -> Iterator[Any]:
-    """The rows, as long as they have no more bytes than are taken into memory. DamagedError."""
-    size = 0
+def _bounded(rows: Iterable[_RecordRow]) -> list[_RecordRow]:
+    """The rows, if they have no more bytes than are taken into memory. DamagedError."""
+    found, size = [], 0
     for row in rows:
+        found.append(row)
         size += _size_of(row)
         if size > _ROWS_BYTES:
             raise DamagedError(
                 f"the rows of one block, or of several, have over {_ROWS_BYTES} bytes"
             )
-        yield row
+    return found
 
 
 def _size_of(row: tuple[object, ...]) -> int:
@@ -225,10 +182,10 @@ def read_record(db: sqlite3.Connection, record_id: bytes) -> Record:
         row = db.execute("SELECT record FROM records WHERE id = ?", (record_id,)).fetchone()
     if row is None:
         raise NotFoundError(f"the ledger holds no record {record_id.hex()}")
-    return checked_record(row[0], record_id)
+    return _checked(row[0], record_id)
 
 
-def checked_record(data: bytes, record_id: bytes) -> Record:
+def _checked(data: bytes, record_id: bytes) -> Record:
     """A stored record, once its bytes are those that the id stands for; DamagedError."""
     try:
         record = decode_record(data)
@@ -260,38 +217,48 @@ def news(db: sqlite3.Connection, height: int) -> list[tuple[int, bytes]]:
 def find_transaction(db: sqlite3.Connection, robot: str, sequence: int) -> Transaction | None:
     """The robot's stored transaction with this number, None where none is. DamagedError."""
     # Numbers have no gaps, so the number is the place.
-    query = (
-        "SELECT id, record FROM records WHERE robot = ? ORDER BY height, position LIMIT 1 OFFSET ?"
-    )
-    return _transaction(db, query, (robot, sequence))
+    rest = "robot = ? ORDER BY height, position LIMIT 1 OFFSET ?"
+    return _transaction(db, rest, (robot, sequence))
 
 
 def newest_transaction(db: sqlite3.Connection, robot: str, height: int) -> Transaction | None:
     """The robot's newest up to the block at ``height``, None before its first. DamagedError."""
-    query = (
-        "SELECT id, record FROM records WHERE robot = ? AND height <= ? "
-        "ORDER BY height DESC, position DESC LIMIT 1"
-    )
-    return _transaction(db, query, (robot, height))
+    rest = "robot = ? AND height <= ? ORDER BY height DESC, position DESC LIMIT 1"
+    return _transaction(db, rest, (robot, height))
 
 
-def _transaction(db: sqlite3.Connection, query: str, values: tuple[str, int]) -> Transaction | None:
+def _transaction(db: sqlite3.Connection, rest: str, values: tuple[str, int]) -> Transaction | None:
     with storage_errors("reading a transaction"):
-        row = db.execute(query, values).fetchone()
+        row = db.execute(f"SELECT id, record FROM records WHERE {rest}", values).fetchone()
     if row is None:
         return None
-    record = checked_record(row[1], row[0])
+    record = _checked(row[1], row[0])
     if not isinstance(record, Transaction):
         raise DamagedError(f"{record} is stored as a transaction; run verify")
     return record
 
 
-def all_records(db: sqlite3.Connection) -> Iterator[Record]:
-    """Every record in the chain's order. DamagedError for one that is not what its id says."""
-    query = "SELECT height, position, id, record FROM records ORDER BY height, position"
-    with storage_errors("reading the records"):
-        for record_id, data in _in_order(db.execute(query)):
-            yield checked_record(data, record_id)
+def read_records(
+    db: sqlite3.Connection, what: str, condition: str = "true", values: tuple[Any, ...] = ()
+) -> Iterator[Record]:
+    """The stored records that meet a condition, in the chain's order; ``what`` are they?
+
+    DamagedError for one that is not what its id says, and where they lead round in a circle.
+    """
+    query = f"SELECT height, position, id, record FROM records WHERE {condition} {_ORDER}"
+    with storage_errors(f"reading {what}"):
+        for record_id, data in _in_order(db.execute(query, values)):
+            yield _checked(data, record_id)
+
+
+def operator_records(db: sqlite3.Connection, height: int) -> list[Record]:
+    """What the operator signed up to the block at ``height``, genesis first. DamagedError."""
+    condition = "robot IS NULL AND height <= ?"
+    found = list(read_records(db, "the operator's records", condition, (height,)))
+    numbers = [getattr(record, "sequence", -1) for record in found]
+    if numbers != list(range(-1, len(found) - 1)):
+        raise DamagedError("the operator's records are not whole; run verify")
+    return found
 
 
 def oversized(db: sqlite3.Connection) -> int | None:
@@ -300,12 +267,10 @@ def oversized(db: sqlite3.Connection) -> int | None:
     A search in the table takes whole rows into memory to compare them, so ask before: this goes
     through it from its beginning, and ends early where the file is spoilt in another way.
     """
-    order = "FROM records ORDER BY height, position"
     with contextlib.suppress(StorageError), storage_errors("looking for what is too large"):
-        sizes = db.execute(
-            f"SELECT max(length(id), length(record), ifnull(length(robot), 0)) {order}"
-        )
-        rows = _in_order(db.execute(f"SELECT height, position, height {order}"))
+        size = "max(length(id), length(record), ifnull(length(robot), 0))"
+        sizes = db.execute(f"SELECT {size} FROM records {_ORDER}")
+        rows = _in_order(db.execute(f"SELECT height, position, height FROM records {_ORDER}"))
         for (height,) in rows:
             try:
                 (size,) = next(sizes)
@@ -329,23 +294,8 @@ def _in_order(rows: Iterable[tuple[Any, ...]]) -> Iterator[tuple[Any, ...]]:
         yield tuple(rest)
 
 
-def operator_records(db: sqlite3.Connection, height: int) -> list[Record]:
-    """What the operator signed up to the block at ``height``, genesis first. DamagedError."""
-    found: list[Record] = []
-    query = (
-        "SELECT id, record FROM records WHERE robot IS NULL AND height <= ? "
-        "ORDER BY height, position"
-    )
-    with storage_errors("reading the operator's records"):
-        for record_id, data in db.execute(query, (height,)):
-            record = checked_record(data, record_id)
-            if getattr(record, "sequence", -1) != len(found) - 1:
-                raise DamagedError("the operator's records are not whole; run verify")
-            found.append(record)
-    return found
-
-
-def _prepare(db: sqlite3.Connection, wait_s: float) -> None:
+def prepare(db: sqlite3.Connection, wait_s: float) -> None:
+    """Settings of every connection: durable, patient, and bounded in memory and disk."""
     db.setlimit(sqlite3.SQLITE_LIMIT_LENGTH, _CELL_BYTES)
     db.execute(f"PRAGMA busy_timeout = {int(wait_s * 1000)}")
     db.execute("PRAGMA trusted_schema = OFF")

@@ -5,9 +5,7 @@ import errno
 import os
 import sqlite3
 import stat
-from io import FileIO
 from pathlib import Path
-from types import TracebackType
 
 from vrchain.ledger.errors import DamagedError, LedgerBusyError, StorageError, StorageFullError
 
@@ -21,8 +19,12 @@ def write_durably(path: str, data: bytes) -> None:
     folder, name = os.path.split(path)
     temporary = f"{folder}/.{name}.{os.getpid()}{TEMPORARY}"
     try:
-        with _new_file(temporary) as file:
-            _write_all(file, data)
+        with contextlib.suppress(FileNotFoundError):
+            os.unlink(temporary)  # what a killed process left, or a planted link
+        with open(temporary, "xb", buffering=0) as file:
+            rest = memoryview(data)
+            while rest:  # a disk that fills up takes a part first
+                rest = rest[file.write(rest) :]
             os.fsync(file.fileno())
         os.replace(temporary, path)
     except BaseException:
@@ -30,15 +32,6 @@ def write_durably(path: str, data: bytes) -> None:
             os.unlink(temporary)
         raise
     sync_folder(folder)
-
-
-def _new_file(path: str) -> FileIO:
-    """Made here and now, in the place of what a killed process left, or of a planted link."""
-    try:
-        return open(path, "xb", buffering=0)
-    except FileExistsError:
-        os.unlink(path)
-        return open(path, "xb", buffering=0)
 
 
 def read_plain(path: str, max_bytes: int) -> bytes:
@@ -56,12 +49,6 @@ def read_plain(path: str, max_bytes: int) -> bytes:
         return os.read(handle, found.st_size)
     finally:
         os.close(handle)
-
-
-def _write_all(file: FileIO, data: bytes) -> None:
-    rest = memoryview(data)
-    while rest:  # a disk that fills up takes a part first
-        rest = rest[file.write(rest) :]
 
 
 def sync_folder(folder: str | Path) -> None:
@@ -84,12 +71,7 @@ class storage_errors:  # a class, since a generator would take longer than a loo
     def __enter__(self) -> None:
         return None
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, kind: object, error: BaseException | None, traceback: object) -> None:
         if isinstance(error, OSError | sqlite3.Error | UnicodeError):
             raise _storage_error(self._doing, error) from error
 

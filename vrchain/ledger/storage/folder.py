@@ -1,12 +1,13 @@
 """A new ledger's folder: wholly there or not at all."""
 
 import os
+import sqlite3
 from pathlib import Path
 
 from vrchain.ledger.errors import LedgerExistsError
 from vrchain.ledger.records.block import Entry
 from vrchain.ledger.records.keys import DATABASE_NAME
-from vrchain.ledger.storage.database import create_database
+from vrchain.ledger.storage.database import SCHEMA, insert_entry, prepare
 from vrchain.ledger.storage.durable import storage_errors, sync_folder
 
 
@@ -22,7 +23,7 @@ def create_folder(folder: Path, first: Entry) -> None:
         is_new = _check_room(folder)
         try:
             folder.mkdir(parents=True, exist_ok=True)
-            create_database(draft, first)
+            _create_database(draft, first)
             os.rename(draft, made)
             sync_folder(folder)
             sync_folder(folder.absolute().parent)
@@ -32,6 +33,20 @@ def create_folder(folder: Path, first: Entry) -> None:
             if is_new and folder.exists():
                 folder.rmdir()
             raise
+
+
+def _create_database(path: Path, first: Entry) -> None:
+    """A new database file with the first entry, closed and durable. Raises sqlite3.Error."""
+    db = sqlite3.connect(path, isolation_level=None)
+    try:
+        prepare(db, wait_s=5.0)
+        db.execute("PRAGMA journal_mode = WAL")  # kept in the file's header
+        db.executescript(SCHEMA)
+        db.execute("BEGIN IMMEDIATE")
+        insert_entry(db, first)
+        db.execute("COMMIT")
+    finally:
+        db.close()
 
 
 def _check_room(folder: Path) -> bool:

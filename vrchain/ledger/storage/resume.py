@@ -6,19 +6,17 @@ from collections.abc import Iterator
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import DamagedError, InvalidError
 from vrchain.ledger.records.block import Block, Entry, Record, records_root
-from vrchain.ledger.records.keys import PublicKey
 from vrchain.ledger.records.membership import OPERATOR, Enrolment, Expulsion, Genesis
 from vrchain.ledger.records.table import Table
 from vrchain.ledger.records.transaction import NO_TRANSACTION, Transaction
-from vrchain.ledger.rules.validity import State, table_of
+from vrchain.ledger.rules.validity import State, governed, table_of
 from vrchain.ledger.storage.database import (
-    checked_record,
     last_height,
     newest_transaction,
     operator_records,
     read_entries,
-    read_entry,
     read_record,
+    read_records,
 )
 from vrchain.ledger.storage.durable import storage_errors
 
@@ -68,20 +66,16 @@ def read_history(db: sqlite3.Connection, robot: str, height: int) -> list[Transa
     Raises DamagedError, also where a spoilt tree of rows leads round in a circle.
     """
     found: list[Transaction] = []
-    query = (
-        "SELECT id, record FROM records WHERE robot = ? AND height <= ? ORDER BY height, position"
-    )
-    with storage_errors(f"reading the history of {robot}"):
-        for record_id, data in db.execute(query, (robot, height)):
-            record = checked_record(data, record_id)
-            expected = robot, len(found), found[-1].id if found else NO_TRANSACTION
-            if not isinstance(record, Transaction) or expected != (
-                record.robot,
-                record.sequence,
-                record.previous,
-            ):
-                raise DamagedError(f"the history of {robot} is not whole; run verify")
-            found.append(record)
+    condition = "robot = ? AND height <= ?"
+    for record in read_records(db, f"the history of {robot}", condition, (robot, height)):
+        expected = robot, len(found), found[-1].id if found else NO_TRANSACTION
+        if not isinstance(record, Transaction) or expected != (
+            record.robot,
+            record.sequence,
+            record.previous,
+        ):
+            raise DamagedError(f"the history of {robot} is not whole; run verify")
+        found.append(record)
     return found
 
 
@@ -119,20 +113,15 @@ def _learn(block: Block, table: Table) -> None:
 
 
 def _state_at(db: sqlite3.Connection, height: int) -> State:
-    head = read_entry(db, height).block
+    head = next(read_entries(db, height, height + 1)).block
     records = operator_records(db, height)
     if not records or not isinstance(records[0], Genesis):
         raise DamagedError("expected a genesis record before all others; run verify")
-    genesis, later = records[0], records[1:]
-    members: dict[str, PublicKey] = dict(genesis.members)
-    expelled = set()
-    for record in later:
-        if isinstance(record, Enrolment):
-            members[record.name] = record.public_key
-        elif isinstance(record, Expulsion):
-            members.pop(record.name, None)
-            expelled.add(record.name)
-    newest = {robot: newest_transaction(db, robot, height) for robot in members}
-    state = State(genesis, head, members, frozenset(expelled), newest, table_of(newest), len(later))
+    genesis = records[0]
+    state = State(genesis, head, dict(genesis.members), frozenset(), {}, Table({}), 0)
+    for record in records[1:]:
+        state = governed(state, record)
+    newest = {robot: newest_transaction(db, robot, height) for robot in state.members}
+    state = state._replace(newest=newest, table=table_of(newest))
     _learn(head, state.table)
     return state
