@@ -108,6 +108,12 @@ def _between(triangles: NDArray[np.float64], low_m: float, high_m: float) -> NDA
     return np.concatenate(corners)[:, :2]
 
 
+def size_of(points: NDArray[np.floating]) -> tuple[float, float, float]:
+    """Extent (x, y, z) of points, (n, 3)."""
+    x, y, z = np.ptp(points, axis=0)
+    return float(x), float(y), float(z)
+
+
 def place(
     name: str,
     kind: str,
@@ -119,15 +125,14 @@ def place(
     solid: bool = True,
 ) -> SceneObject:
     """Put a model, its surfaces given in its own frame, at ``pose`` in the world."""
-    points = np.concatenate([s.vertices_m for s in surfaces])
-    x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
+    size_m = size_of(np.concatenate([s.vertices_m for s in surfaces]))
     turn = rotation_z(pose.yaw_rad)
     offset = np.array([pose.x_m, pose.y_m, 0.0])
     moved = tuple(
         replace(s, vertices_m=(s.vertices_m.astype(float) @ turn.T + offset).astype(np.float32))
         for s in surfaces
     )
-    return SceneObject(name, kind, model, landmark, solid, (x, y, z), moved)
+    return SceneObject(name, kind, model, landmark, solid, size_m, moved)
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,8 +14,8 @@ from vrchain.geometry import Pose
 from vrchain.simulation.simulator import Simulator
 from vrchain.world import Scene, SceneObject, load_scene
 from vrchain.world.gazebo.kinds import guess
-from vrchain.world.gazebo.materials import read_script
-from vrchain.world.gazebo.pictures import read_picture
+from vrchain.world.gazebo.materials import read_picture
+from vrchain.world.gazebo.scripts import read_script
 from vrchain.world.model import OPAQUE
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth

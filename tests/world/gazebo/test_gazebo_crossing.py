@@ -50,6 +50,6 @@ def test_the_same_bytes_in_two_processes() -> None:
         "import json; from test_suburb import digest; from vrchain.world import load_scene;"
         f"print(json.dumps(digest(load_scene({str(CROSSING)!r}))))"
     )
-    path = f"import sys; sys.path.insert(0, {json.dumps(str(worlds.ROOT / 'tests' / 'scene'))});"
+    path = f"import sys; sys.path.insert(0, {json.dumps(str(worlds.ROOT / 'tests' / 'world'))});"
     first, second = worlds.in_two_processes(path + code)
     assert first == second

@@ -14,7 +14,8 @@ from gazebo_files import box, include, mesh, model, visual, world, write
 
 from vrchain.errors import SpecError
 from vrchain.world import load_scene
-from vrchain.world.gazebo import designs, limits, primitives
+from vrchain.world.gazebo import designs
+from vrchain.world.gazebo.files import MOST_MODELS
 
 CRATE = model(visual(box("1 1 1")))
 BOMB = (
@@ -183,7 +184,7 @@ def test_includes_that_multiply(tmp_path: Path) -> None:
         ten = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(10))
         files |= gz.folder_of(f"m{k}", f'<model name="m{k}">{ten}</model>')
     message = refused(tmp_path, world(include("model://m11")), files)
-    assert f"at most {limits.MOST_MODELS} models" in message
+    assert f"at most {MOST_MODELS} models" in message
 
 
 def test_includes_that_go_deep(tmp_path: Path) -> None:
@@ -197,8 +198,8 @@ def test_more_triangles_than_a_world_may_have(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[str] = []
-    build = primitives.build
-    monkeypatch.setattr(primitives, "build", lambda e: (drawn.append(e.tag), build(e))[1])
+    build = designs.primitive
+    monkeypatch.setattr(designs, "primitive", lambda e: (drawn.append(e.tag), build(e))[1])
     monkeypatch.setattr(designs, "MOST_TRIANGLES", 50_000)
     ball = visual("<sphere><radius>1</radius></sphere>")
     message = refused(tmp_path, world(model("\n" + ball * 20_000)))

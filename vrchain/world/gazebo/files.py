@@ -1,6 +1,11 @@
-"""Where models lie, and the way there: every path is resolved, and stays in the folders given."""
+"""Files of somebody else: where they lie, how large they may be, and what of them is left out.
+
+Every path is resolved, and stays in the folders given. What is allowed is more than any world
+needs, and less than harms.
+"""
 
 import os
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -8,6 +13,22 @@ from urllib.parse import unquote
 
 from vrchain.errors import SpecError
 from vrchain.world.gazebo.xml import Element
+
+MOST_SCRIPT_BYTES = 4 << 20
+MOST_MESH_BYTES = 64 << 20
+MOST_IMAGE_BYTES = 64 << 20
+MOST_IMAGE_PX = 8192  # a side
+TEXTURE_PX = 2048  # to which larger images are shrunk: no view shows more
+MOST_TEXELS = 400_000_000  # of all textures of a world together
+MOST_INCLUDES_DEEP = 16
+MOST_MODELS = 10_000  # placed in a world
+MOST_MESH_NODES = 20_000  # of a COLLADA file, every use of one counted
+MOST_MESH_TRIANGLES = 2_000_000
+MOST_TRIANGLES = 6_000_000  # of a world
+MODEL_SIZE_M = (1e-3, 2000.0)
+FARTHEST_M = 1e5  # of any place from the origin
+MAP_M = 600.0  # widest map, as for scenes of our own
+MOST_M2 = 4e6  # of faces on the map, which light falls on: five times both sides of a whole map
 
 VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
 _SCHEMES = ("model://", "package://")
@@ -35,63 +56,33 @@ class Folders:
                 f"expected a path, file:// or model://, got {uri[:200]!r}: nothing is fetched, so "
                 f"download the model into a folder of {VARIABLES[0]} and name it by model://"
             )
-        for scheme in _SCHEMES:
-            if uri.startswith(scheme):
-                rest = uri.removeprefix(scheme).strip("/")
-                return _first(self.models, rest, self.models, uri, element)
-        if uri.startswith(_FILE):
-            uri = unquote(uri.removeprefix(_FILE))
-        return _first((beside,), uri, (*self.models, self.world), uri, element)
+        if uri.startswith(_SCHEMES):
+            roots = allowed = self.models
+            rest = uri.partition("://")[2].strip("/")
+        else:
+            roots, allowed = (beside,), (*self.models, self.world)
+            rest = uri = unquote(uri.removeprefix(_FILE)) if uri.startswith(_FILE) else uri
+        for root in roots:
+            path = _resolved(root / rest)
+            if not any(path.is_relative_to(folder) for folder in allowed):
+                raise element.error(
+                    f"{uri[:200]!r} leads out of the model folders "
+                    f"({', '.join(str(a) for a in allowed)}): keep what it names in one of them"
+                )
+            try:
+                if _exists(path):
+                    return path
+            except SpecError as error:
+                raise element.error(str(error)) from None
+        return None
 
     def hold(self, path: Path) -> bool:
         """Whether a path leads into one of these folders."""
-        return _is_in(_resolved(path), (*self.models, self.world))
+        resolved = _resolved(path)
+        return any(resolved.is_relative_to(folder) for folder in (*self.models, self.world))
 
     def __str__(self) -> str:
         return ", ".join(str(root) for root in self.models) or "none is set"
-
-
-def _first(
-    roots: tuple[Path, ...], rest: str, allowed: tuple[Path, ...], uri: str, element: Element
-) -> Path | None:
-    """The first that exists of a path below each root."""
-    for root in roots:
-        path = _resolved(root / rest)
-        if not _is_in(path, allowed):
-            raise element.error(
-                f"{uri[:200]!r} leads out of the model folders "
-                f"({', '.join(str(a) for a in allowed)}): keep what it names in one of them"
-            )
-        try:
-            if _exists(path):
-                return path
-        except SpecError as error:
-            raise element.error(str(error)) from None
-    return None
-
-
-def is_elsewhere(uri: str) -> bool:
-    """Whether a URI has a scheme of what does not lie on this disk."""
-    return "://" in uri and not uri.startswith((*_SCHEMES, _FILE))
-
-
-def is_file(path: Path) -> bool:
-    """Whether a path is a file's. Raises SpecError where that cannot be told."""
-    return _exists(path) and path.is_file()
-
-
-def _exists(path: Path) -> bool:
-    try:
-        return path.exists()
-    except OSError as error:
-        raise SpecError(
-            f"{str(path)[:300]}: cannot look there ({error.strerror}): expected names of at most "
-            "255 bytes, in folders that you may read"
-        ) from None
-
-
-def _is_in(path: Path, folders: tuple[Path, ...]) -> bool:
-    return any(path.is_relative_to(folder) for folder in folders)
 
 
 def model_folders(world: Path, environment: Mapping[str, str] = os.environ) -> Folders:
@@ -108,6 +99,16 @@ def model_folders(world: Path, environment: Mapping[str, str] = os.environ) -> F
     return Folders(tuple(dict.fromkeys(found)), here)
 
 
+def is_elsewhere(uri: str) -> bool:
+    """Whether a URI has a scheme of what does not lie on this disk."""
+    return "://" in uri and not uri.startswith((*_SCHEMES, _FILE))
+
+
+def is_file(path: Path) -> bool:
+    """Whether a path is a file's. Raises SpecError where that cannot be told."""
+    return _exists(path) and path.is_file()
+
+
 def read_bytes(path: Path, most: int) -> bytes:
     """A file's bytes, at most so many. Raises SpecError."""
     try:
@@ -122,8 +123,41 @@ def read_bytes(path: Path, most: int) -> bytes:
     return data
 
 
+def _exists(path: Path) -> bool:
+    try:
+        return path.exists()
+    except OSError as error:
+        raise SpecError(
+            f"{str(path)[:300]}: cannot look there ({error.strerror}): expected names of at most "
+            "255 bytes, in folders that you may read"
+        ) from None
+
+
 def _resolved(path: Path) -> Path:
     try:
         return path.resolve()
     except (OSError, RuntimeError) as error:  # a circle of links
         raise SpecError(f"{str(path)[:300]}: cannot follow this path: {error}") from error
+
+
+class Notes:
+    """What of a world is not supported: each kind, with the names of what was left out."""
+
+    def __init__(self) -> None:
+        self._found: dict[str, Counter[str]] = {}
+
+    def add(self, kind: str, name: str = "") -> None:
+        """One more of a kind, such as "plugins"."""
+        self._found.setdefault(kind, Counter())[name] += 1
+
+    def __bool__(self) -> bool:
+        return bool(self._found)
+
+    def __str__(self) -> str:
+        """Every kind, how often, and the first names."""
+        lines = []
+        for kind, names in sorted(self._found.items()):
+            named = [" ".join(name.split())[:60] for name in names if name]
+            told = ", ".join([*named[:4], *(["..."] if len(named) > 4 else [])])
+            lines.append(f"{kind}: {names.total()}" + (f" ({told})" if told else ""))
+        return "; ".join(lines)
