@@ -19,10 +19,7 @@ from vrchain.world.spec import LightSpec
 
 OPAQUE = 128  # alpha from which a texel is solid
 ROBOT_RADIUS_M = 0.4  # circle around a Pioneer P3-AT's 0.51 x 0.50 m footprint, and a little more
-_OBSTACLE_HEIGHT_M = (
-    0.05,
-    1.6,
-)  # what stands between these heights stops a robot or its camera mast
+_OBSTACLE_HEIGHT_M = (0.05, 1.6)  # what stands there stops a robot or its camera mast
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +43,12 @@ class Surface:
     def cut_out(self) -> bool:
         """Whether it may be see-through in places."""
         return self.texture.shape[2] == 4
+
+    @property
+    def shade_rgb(self) -> NDArray[np.float32]:
+        """``shade`` as (n, 3)."""
+        n = len(self.shade)
+        return np.broadcast_to(self.shade.reshape(n, -1), (n, 3))
 
     @property
     def digest(self) -> bytes:
