@@ -140,8 +140,8 @@ def test_two_processes_draw_the_same_bytes_and_print_nothing_else() -> None:
     code = """
 import hashlib, json, worlds
 from vrchain.geometry import Pose
-from vrchain.render import Renderer
-from vrchain.truth import GroundTruth
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
 pose, rig, yard = Pose(0.5, -0.3, 1.1), worlds.SMALL_RIG, worlds.yard()
 robots = {"R1": Pose(3, 0, 2.0), "R2": Pose(3.5, 0.3)}
 renderer = Renderer(yard)

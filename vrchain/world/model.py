@@ -47,8 +47,8 @@ class Surface:
     @property
     def shade_rgb(self) -> NDArray[np.float32]:
         """``shade`` as (n, 3)."""
-        n = len(self.shade)
-        return np.broadcast_to(self.shade.reshape(n, -1), (n, 3))
+        shade = self.shade if self.shade.ndim == 2 else self.shade[:, None]
+        return np.broadcast_to(shade, (len(shade), 3))
 
     @property
     def digest(self) -> bytes:
@@ -89,17 +89,13 @@ class SceneObject:
         """Ground polygon (world frame) of the parts that a robot could bump into."""
         if self.outline is not None:
             return self.outline
-        triangles = np.concatenate([s.vertices_m[s.faces] for s in self.surfaces]).astype(float)
-        return ground_polygon(triangles)
+        triangles = np.concatenate([s.vertices_m[s.faces] for s in self.surfaces])
+        return ground_polygon(triangles.astype(float))
 
 
 def ground_polygon(triangles: NDArray[np.float64]) -> shapely.Geometry:
     """Convex polygon around what of triangles, (n, 3, 3) float, a robot could bump into."""
-    return shapely.MultiPoint(_between(triangles, *_OBSTACLE_HEIGHT_M)).convex_hull
-
-
-def _between(triangles: NDArray[np.float64], low_m: float, high_m: float) -> NDArray[np.float64]:
-    """Corners, (k, 2) float, of the parts of triangles, (n, 3, 3) float, between two heights."""
+    low_m, high_m = _OBSTACLE_HEIGHT_M
     start = triangles.reshape(-1, 3)
     end = np.roll(triangles, -1, axis=1).reshape(-1, 3)
     corners = [start[(start[:, 2] >= low_m) & (start[:, 2] <= high_m)]]
@@ -108,7 +104,7 @@ def _between(triangles: NDArray[np.float64], low_m: float, high_m: float) -> NDA
         a, b = start[cut], end[cut]
         share = (level - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
         corners.append(a + share * (b - a))
-    return np.concatenate(corners)[:, :2]
+    return shapely.MultiPoint(np.concatenate(corners)[:, :2]).convex_hull
 
 
 def size_of(points: NDArray[np.floating]) -> tuple[float, float, float]:
@@ -173,25 +169,25 @@ class Scene:
     ground_light: LightMap | None = None
     robots: tuple[tuple[str, Pose], ...] = ()
     goal: str | None = None
-    _names: dict[str, int] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_names", {o.name: i for i, o in enumerate(self.objects)})
 
     @cached_property
     def table(self) -> pd.DataFrame:
         """The model database, one row an object, indexed by object id."""
-        rows = []
-        for o in self.objects:
-            centre = o.bounds_m.mean(axis=0)
-            rows.append((o.name, o.kind, o.model, o.landmark, *centre, *o.size_m))
+        rows = [
+            (o.name, o.kind, o.model, o.landmark, *o.bounds_m.mean(axis=0), *o.size_m)
+            for o in self.objects
+        ]
         columns = ["name", "kind", "model", "landmark"]
         columns += ["centre_x_m", "centre_y_m", "centre_z_m", "size_x_m", "size_y_m", "size_z_m"]
         return pd.DataFrame(rows, columns=columns)
 
+    @cached_property
+    def _ids(self) -> dict[str, int]:
+        return {o.name: i for i, o in enumerate(self.objects)}
+
     def index_of(self, name: str) -> int:
         """Object id of a name; KeyError if there is none."""
-        return self._names[name]
+        return self._ids[name]
 
     @cached_property
     def _solids(self) -> tuple[list[SceneObject], shapely.STRtree]:

@@ -193,26 +193,26 @@ def _check_numbers(primitive: Any, file: Path) -> None:
 
 
 def _triangles(primitive: Any, name: str, look: Look) -> Part:
-    """A set of triangles; corners alike in place, normal and texture coordinates are shared."""
+    """A set of triangles; corners alike in place, normal and texture coordinates are shared.
+
+    Faces whose corners run against their normals are turned.
+    """
     place = np.asarray(primitive.vertex_index, dtype=np.int64)
-    columns = [place.ravel()]
-    normal = None
+    vertices = np.asarray(primitive.vertex, dtype=float)
+    columns, against = [place], np.zeros(len(place), dtype=bool)
     if primitive.normal is not None and primitive.normal_index is not None:
         normal = np.asarray(primitive.normal_index, dtype=np.int64)
-        columns.append(normal.ravel())
-    uv = None
-    if len(primitive.texcoordset):
-        coordinates = np.asarray(primitive.texcoordset[0], dtype=float)[:, :2]
-        at = np.asarray(primitive.texcoord_indexset[0], dtype=np.int64)
-        columns.append(at.ravel())
-    corners, shared = np.unique(np.stack(columns, axis=1), axis=0, return_inverse=True)
-    vertices = np.asarray(primitive.vertex, dtype=float)
-    if len(primitive.texcoordset):
-        uv = coordinates[corners[:, -1]]
-    faces = shared.reshape(-1, 3)
-    if normal is not None:  # faces whose corners run against their normals are turned
+        columns.append(normal)
         a, b, c = np.moveaxis(vertices[place], 1, 0)
         facing = np.asarray(primitive.normal, dtype=float)[normal].sum(axis=1)
         against = np.einsum("ij,ij->i", np.cross(b - a, c - a), facing) < 0
-        faces = np.where(against[:, None], faces[:, ::-1], faces)
+    if len(primitive.texcoordset):
+        columns.append(np.asarray(primitive.texcoord_indexset[0], dtype=np.int64))
+    keys = np.stack([column.ravel() for column in columns], axis=1)
+    corners, shared = np.unique(keys, axis=0, return_inverse=True)
+    uv = None
+    if len(primitive.texcoordset):
+        uv = np.asarray(primitive.texcoordset[0], dtype=float)[:, :2][corners[:, -1]]
+    faces = shared.reshape(-1, 3)
+    faces[against] = faces[against][:, ::-1]
     return Part(name, vertices[corners[:, 0]], faces, uv, look)

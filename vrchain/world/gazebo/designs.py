@@ -179,7 +179,7 @@ class Designs:
         shape = geometry.children[0] if geometry is not None and geometry.children else None
         if shape is None or shape.tag == "empty":
             return None
-        name = element.attributes.get("name", "")
+        name = element.name
         transparency = element.number("transparency", 0.0)
         if shape.tag in _UNDRAWN:
             self._notes.add(f"{shape.tag}s", name)

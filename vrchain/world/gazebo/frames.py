@@ -177,4 +177,4 @@ def name_of(element: Element, otherwise: str) -> str:
     """The name of a child of a world or model, or of what an <include> brings."""
     if element.tag == "include":
         return element.words("name") or otherwise
-    return element.attributes.get("name", "") or otherwise
+    return element.name or otherwise

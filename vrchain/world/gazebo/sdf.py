@@ -23,19 +23,11 @@ from vrchain.world.gazebo.xml import MOST_XML_BYTES, Element, parse
 
 # What may stand in a world, model or link and is not drawn, and how the warning calls it.
 _UNSUPPORTED = {
-    "plugin": "plugins",
-    "fog": "fog",
-    "actor": "actors",
-    "population": "populations",
-    "road": "roads of lines",
-    "light": "lights beside the sun",
-    "sensor": "sensors",
-    "projector": "projectors",
-    "particle_emitter": "particle emitters",
+    "plugin": "plugins", "fog": "fog", "actor": "actors", "population": "populations",
+    "road": "roads of lines", "light": "lights beside the sun", "sensor": "sensors",
+    "projector": "projectors", "particle_emitter": "particle emitters",
     "experimental:params": "parameters of includes",
-}
-
-
+}  # fmt: skip
 _Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
 
 
@@ -70,7 +62,7 @@ class _Reader:
         root = self._document(path)
         worlds = list(root.all("world"))
         if len(worlds) > 1:
-            names = ", ".join(w.attributes.get("name", "") for w in worlds[1:])
+            names = ", ".join(w.name for w in worlds[1:])
             self._notes.add("worlds after the file's first", names)
         scope = worlds[0] if worlds else root
         if not worlds and root.find("model") is None:
@@ -122,8 +114,8 @@ class _Reader:
         self._unsupported(element)
         for joint in element.all("joint"):
             if joint.attributes.get("type") != "fixed":
-                self._notes.add("joints that move", joint.attributes.get("name", ""))
-        name = element.attributes.get("name", "") or element.file.parent.name
+                self._notes.add("joints that move", joint.name)
+        name = element.name or element.file.parent.name
         lights: list[_Light] = []
         nested, frames = self._placed(element, lights)
         for _ in lights:
@@ -190,14 +182,14 @@ class _Reader:
         return file
 
     def _unsupported(self, scope: Element, kinds: Iterable[str] = _UNSUPPORTED) -> None:
-        name = scope.attributes.get("name", "")
+        name = scope.name
         if scope.attributes.get("placement_frame"):
             self._notes.add("placement frames", name)
         pose = scope.find("pose")
         if pose is not None and pose.attributes.get("frame"):
             self._notes.add("frames of poses, as of SDF 1.5", pose.attributes["frame"])
         for element in scope.all(*kinds):
-            name = element.attributes.get("filename") or element.attributes.get("name", "")
+            name = element.attributes.get("filename") or element.name
             self._notes.add(_UNSUPPORTED[element.tag], name)
 
     def _sun(self, lights: Iterable[_Light]) -> Matrix | None:
@@ -212,7 +204,7 @@ class _Reader:
                     raise light.error("expected a <direction>, got one of length 0")
                 sun = turned / length
             else:
-                self._notes.add(_UNSUPPORTED["light"], light.attributes.get("name", ""))
+                self._notes.add(_UNSUPPORTED["light"], light.name)
         return sun
 
 
@@ -227,7 +219,7 @@ def _as_saved(models: Iterable[Placed], scope: Element, notes: Notes) -> Iterato
     if state is None:
         yield from models
         return
-    saved = {element.attributes.get("name", ""): element for element in state.all("model")}
+    saved = {element.name: element for element in state.all("model")}
     deleted = {name.text for part in state.all("deletions") for name in part.all("name")}
     for placed in models:
         where = saved.get(placed.name)
@@ -252,7 +244,7 @@ def _is_moved(saved: Element, model: Model, matrix: Matrix) -> bool:
 
     Gazebo saves poses in the world, SDF has them in the model.
     """
-    known = model.frames.find(saved.attributes.get("name", ""))
+    known = model.frames.find(saved.name)
     if known is None or saved.find("pose") is None:
         return False
     pose = pose_matrix(saved.find("pose"))

@@ -24,6 +24,11 @@ class Element:
     text: str = ""
     children: list["Element"] = field(default_factory=list)
 
+    @property
+    def name(self) -> str:
+        """Its attribute of this name, "" if it has none."""
+        return self.attributes.get("name", "")
+
     def find(self, path: str) -> "Element | None":
         """The first child by a tag, or a grandchild by tags with / between them."""
         tag, _, rest = path.partition("/")

@@ -9,6 +9,7 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +27,6 @@ _MARGIN_RAD = 0.02
 _LINEAR, _CLAMP = 0x2601, 0x812F  # OpenGL's and glTF's: no mipmaps; no repetition
 _SKY = 0  # the id that the segmentation draws for no object; objects count from 1
 _WRAP = 1 << 24  # ids are drawn in three bytes, robots' (below the sky's) as the complement
-_context: "_Context | None" = None
 
 
 class _Context:
@@ -59,11 +59,9 @@ class _Context:
             raise RenderError("draw from the thread that drew first: OpenGL contexts stay with it")
 
 
+@cache
 def _shared_context() -> _Context:
-    global _context
-    if _context is None:
-        _context = _Context()
-    return _context
+    return _Context()
 
 
 class Renderer:
