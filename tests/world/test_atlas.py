@@ -206,7 +206,9 @@ def test_nothing_that_was_given_is_changed() -> None:
 def triangles(group: list[Surface], with_uv: bool = False) -> NDArray[np.float32]:
     """All triangles, sorted: each corner's place, light and perhaps uv."""
     corners = [
-        np.dstack([s.vertices_m[s.faces], s.shade_rgb[s.faces], *([s.uv[s.faces]] if with_uv else [])])
+        np.dstack(
+            [s.vertices_m[s.faces], s.shade_rgb[s.faces], *([s.uv[s.faces]] if with_uv else [])]
+        )
         for s in group
     ]
     flat = np.concatenate([c.reshape(len(c), -1) for c in corners])

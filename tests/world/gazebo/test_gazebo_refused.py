@@ -10,14 +10,14 @@ from pathlib import Path
 
 import gazebo_files as gz
 import pytest
-from gazebo_files import box, include, mesh, model, visual, world, write
+from gazebo_files import CUBE, box, include, mesh, model, visual, world, write
+from gazebo_files import no_folders as no_folders
 
 from vrchain.errors import SpecError
 from vrchain.world import load_scene
 from vrchain.world.gazebo import designs
 from vrchain.world.gazebo.files import MOST_MODELS
 
-CRATE = model(visual(box("1 1 1")))
 BOMB = (
     '<!DOCTYPE b [<!ENTITY a "aaaaaaaaaa">'
     + "".join(
@@ -27,15 +27,10 @@ BOMB = (
 )
 
 
-@pytest.fixture(autouse=True)
-def no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
-    for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
-        monkeypatch.delenv(variable, raising=False)
+CRATE = model(CUBE)
 
 
-def refused(
-    folder: Path, document: str | bytes, files: dict[str, str | bytes] | None = None
-) -> str:
+def refused(folder: Path, document: str | bytes, files: gz.Files | None = None) -> str:
     """The one line that a world is refused with, in seconds."""
     write(folder, {"worlds/test.world": document, **(files or {})})
     start_s = time.monotonic()
@@ -77,7 +72,7 @@ def refused(
          ["test.world:1: <pose>", "within 100 km"]),
         (world('<model name="m"><link name="l"><visual name="v"><geometry><heightmap/></geometry>'
                "</visual></link></model>"), ["nothing in this world", "heightmaps: 1"]),
-        (world(gz.GROUND_MODEL + model(visual(box("1 1 1")), pose="900 900 0 0 0 0")),
+        (world(gz.GROUND_MODEL + model(CUBE, pose="900 900 0 0 0 0")),
          ["test.world", "300 m of the origin", "x in 899.5..900.5"]),
         (world(model(visual(box("1 -1 1")))), ["<size>", "more than 0"]),
         (world(model(visual("<box/>"))), ["<box>", "<size>"]),
@@ -138,7 +133,7 @@ def test_no_file_and_a_folder(tmp_path: Path) -> None:
      "model://m/../../secret"],
 )  # fmt: skip
 def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
-    files: dict[str, str | bytes] = {
+    files: gz.Files = {
         "secret/model.sdf": f"<sdf>{CRATE}</sdf>",
         **gz.folder_of("m", CRATE),
     }
@@ -152,21 +147,20 @@ def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
 
 def test_links_that_leave_the_model_folders(tmp_path: Path) -> None:
     write(tmp_path, {"secret/a.dae": gz.dae(), "secret/p.png": gz.png((1, 2, 3))})
-    shown = model(visual(mesh("a.dae")))
-    write(tmp_path, gz.folder_of("m", shown))
-    (tmp_path / "models" / "m" / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
-    message = refused(tmp_path, world(include("model://m")))
-    assert "'a.dae' leads out of the model folders" in message
-    (tmp_path / "models" / "m" / "a.dae").unlink()
-    (tmp_path / "models" / "m" / "p.png").symlink_to(tmp_path / "secret" / "p.png")
-    files: dict[str, str | bytes] = {"models/m/a.dae": gz.dae(picture="p.png")}
-    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+    inside, document = tmp_path / "models" / "m", world(include("model://m"))
+    write(tmp_path, gz.folder_of("m", model(visual(mesh("a.dae")))))
+    (inside / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
+    assert "'a.dae' leads out of the model folders" in refused(tmp_path, document)
+    (inside / "a.dae").unlink()
+    (inside / "p.png").symlink_to(tmp_path / "secret" / "p.png")
+    files: gz.Files = {"models/m/a.dae": gz.dae(picture="p.png")}
+    assert "leads out" in refused(tmp_path, document, files)
     files = {
         "models/m/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
         "models/m/a.mtl": "newmtl A\nmap_Kd ../../../secret/p.png\n",
         **gz.folder_of("m", model(visual(mesh("a.obj")))),
     }
-    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+    assert "leads out" in refused(tmp_path, document, files)
 
 
 def test_includes_that_include_themselves(tmp_path: Path) -> None:
@@ -285,7 +279,7 @@ def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str
 
 def refused_material(tmp_path: Path, line: str) -> str:
     """What is said of an OBJ whose material file holds such a line."""
-    files: dict[str, str | bytes] = {
+    files: gz.Files = {
         "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
         "worlds/a.mtl": f"newmtl A\n{line}\n",
     }
@@ -330,7 +324,7 @@ def wide_png(width_px: int, height_px: int) -> bytes:
     ],
 )
 def test_pictures(tmp_path: Path, content: bytes, part: str) -> None:
-    files: dict[str, str | bytes] = {
+    files: gz.Files = {
         "worlds/a.dae": gz.dae(picture="p.png"),
         "worlds/p.png": content,
     }
@@ -357,16 +351,10 @@ def test_pictures_by_odd_names(tmp_path: Path, name: str) -> None:
 
 
 def test_a_broken_script(tmp_path: Path) -> None:
-    files: dict[str, str | bytes] = {
+    material = "<material><script><name>A</name></script></material>"
+    files: gz.Files = {
         "models/m/materials/scripts/a.material": "material A\n{\n" + "{\n" * 99,
-        **gz.folder_of(
-            "m",
-            model(
-                visual(
-                    box("1 1 1"), material="<material><script><name>A</name></script></material>"
-                )
-            ),
-        ),
+        **gz.folder_of("m", model(visual(box("1 1 1"), material=material))),
     }
     message = refused(tmp_path, world(include("model://m")), files)
     assert "a.material: braces" in message

@@ -136,6 +136,7 @@ def _scene(
         matrix[:2, 3] + np.outer((-0.5, 0.5), np.minimum(size_m, MAP_M))
         for _, _, matrix, size_m in pieces
     ]
+    boxes = boxes or [o.bounds_m[:, :2] for o in objects]  # wide planes that are no ground
     low, high = np.min(boxes, axis=(0, 1)), np.max(boxes, axis=(0, 1))
     half = np.minimum(np.ceil(2 * (np.abs([low, high]).max(axis=0) + _RIM_M)), MAP_M) / 2
     if bounds and not any((b[0] < half).all() and (b[1] > -half).all() for b in bounds):
