@@ -215,4 +215,4 @@ def _triangles(primitive: Any, name: str, look: Look) -> Part:
         uv = np.asarray(primitive.texcoordset[0], dtype=float)[:, :2][corners[:, -1]]
     faces = shared.reshape(-1, 3)
     faces[against] = faces[against][:, ::-1]
-    return Part(name, vertices[corners[:, 0]], faces, uv, look)
+    return Part(vertices[corners[:, 0]], faces, uv, look, name)

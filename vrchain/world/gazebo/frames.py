@@ -125,28 +125,27 @@ class Frames:
                 self._elements.setdefault(name, element)
 
     def of(
-        self, element: Element, default: Matrix | None = None, seen: tuple[str, ...] = ()
+        self,
+        element: Element,
+        default: Matrix | None = None,
+        outer: Matrix | None = None,
+        seen: tuple[str, ...] = (),
     ) -> Matrix:
-        """Pose of a child of the scope; ``default`` is a model's own, where none is given.
+        """Pose of a child of the scope, or of a visual whose link has the pose ``outer``.
 
-        seen: the names whose poses depend on this one.
+        default: a model's own, where none is given; seen: the names whose poses depend on this one.
         """
         pose = element.find("pose")
         if pose is None and default is not None:
             return default
-        given = _relative_to(pose)
-        if not given and element.tag == "frame":
-            given = element.attributes.get("attached_to", "")
-        if not given and element.tag == "joint":
-            given = element.words("child")
-        base = self._named(given, element, seen) if given else np.eye(4)
-        return base @ pose_matrix(pose)
-
-    def of_visual(self, visual: Element, link: Matrix) -> Matrix:
-        """Pose of a visual, whose link has a known one."""
-        pose = visual.find("pose")
-        given = _relative_to(pose)
-        return (self._named(given, visual, ()) if given else link) @ pose_matrix(pose)
+        base = pose.attributes.get("relative_to", "") if pose is not None else ""
+        if not base and element.tag == "frame":
+            base = element.attributes.get("attached_to", "")
+        if not base and element.tag == "joint":
+            base = element.words("child")
+        if base:
+            outer = self._named(base, element, seen)
+        return (np.eye(4) if outer is None else outer) @ pose_matrix(pose)
 
     def find(self, name: str) -> Matrix | None:
         """Pose of what has a name in the scope, None if nothing has."""
@@ -165,12 +164,8 @@ class Frames:
         model = None if element is None else self._models.get(element)
         if element is None or (within and model is None):
             raise user.error(f"there is no frame {name[:80]!r} in <{self._scope.tag}>")
-        matrix = self.of(element, model.pose if model else None, (*seen, name))
+        matrix = self.of(element, model.pose if model else None, seen=(*seen, name))
         return matrix @ model.frames._named(within, user, ()) if model and within else matrix
-
-
-def _relative_to(pose: Element | None) -> str:
-    return "" if pose is None else pose.attributes.get("relative_to", "")
 
 
 def name_of(element: Element, otherwise: str) -> str:

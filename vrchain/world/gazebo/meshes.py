@@ -12,7 +12,7 @@ import numpy as np
 from vrchain.errors import SpecError
 from vrchain.world.gazebo.dae import Collada
 from vrchain.world.gazebo.files import MOST_MESH_BYTES, Notes, read_bytes
-from vrchain.world.gazebo.materials import Look, Materials
+from vrchain.world.gazebo.materials import Materials
 from vrchain.world.gazebo.obj import Obj
 from vrchain.world.gazebo.parts import MeshFile, Part, cleaned
 from vrchain.world.gazebo.xml import Element
@@ -41,7 +41,7 @@ class Stl(MeshFile):
                 raise SpecError(f"{self.file}: a corner of face {face} is no finite number")
             mesh = trimesh.Trimesh(solid["vertices"], solid["faces"])  # joins corners
             faces = np.asarray(mesh.faces, dtype=np.int64)
-            yield Part("", np.asarray(mesh.vertices, dtype=float), faces, None, Look())
+            yield Part(np.asarray(mesh.vertices, dtype=float), faces)
 
 
 _KINDS: dict[str, type[Collada | Obj | Stl]] = {".dae": Collada, ".obj": Obj, ".stl": Stl}

@@ -42,11 +42,11 @@ class Obj(MeshFile):
             uv = getattr(visual, "uv", None)
             colours = mesh.get("vertex_colors")
             yield Part(
-                name.removesuffix(f"_{material}") if material else name,
                 np.asarray(mesh["vertices"], dtype=float),
                 _fans(np.asarray(mesh["faces"], dtype=np.int64), self.file),
                 None if uv is None else np.asarray(uv, dtype=float)[:, :2],
                 looks.get(material or "", Look()),
+                name.removesuffix(f"_{material}") if material else name,
                 None if colours is None else np.asarray(colours, dtype=float)[:, :3],
             )
 

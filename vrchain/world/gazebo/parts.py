@@ -12,6 +12,7 @@ from vrchain.world.gazebo.materials import Look, Materials
 from vrchain.world.gazebo.xml import Element
 
 PRIMITIVES = ("box", "cylinder", "sphere", "capsule", "ellipsoid", "cone")
+_PLAIN = Look()
 _AROUND, _RINGS = 32, 16
 _APART_M = 0.0015  # each to its side
 # Planes are told apart by numbers rounded to these, odd so that no usual length lies between two.
@@ -20,17 +21,18 @@ _NORMAL_STEP, _PLANE_STEP_M = 0.00213, 0.000937
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """Triangles that look alike. name: of the submesh that they are of.
+    """Triangles that look alike.
 
     vertices_m: (n, 3) float; faces: (m, 3) int, anticlockwise seen from outside; uv: (n, 2) float,
-    v upwards, or None; look: the mesh's own; shade: (n, 3) float, colours of vertices, or None.
+    v upwards, or None; look: the mesh's own; name: of the submesh that they are of; shade: (n, 3)
+    float, colours of vertices, or None.
     """
 
-    name: str
     vertices_m: NDArray[np.float64]
     faces: NDArray[np.int64]
-    uv: NDArray[np.float64] | None
-    look: Look
+    uv: NDArray[np.float64] | None = None
+    look: Look = _PLAIN
+    name: str = ""
     shade: NDArray[np.float64] | None = None
 
 
@@ -88,7 +90,7 @@ def grid(points: NDArray[np.float64], uv: NDArray[np.float64]) -> Part:
     faces = np.concatenate(
         [np.stack([low, low + 1, high + 1], 1), np.stack([low, high + 1, high], 1)]
     )
-    return Part("", points.reshape(-1, 3), faces, uv.reshape(-1, 2), Look())
+    return Part(points.reshape(-1, 3), faces, uv.reshape(-1, 2))
 
 
 def plane(low: NDArray[np.float64], high: NDArray[np.float64], size: NDArray[np.float64]) -> Part:
@@ -112,14 +114,8 @@ def _box(half: NDArray[np.float64]) -> Part:
 def _round(radius: NDArray[np.float64], height: NDArray[np.float64]) -> Part:
     """Turned about z: radius and height of each ring, (n,), from below upwards."""
     turn = np.linspace(0, 2 * np.pi, _AROUND + 1)
-    points = np.stack(
-        [
-            radius[:, None] * np.cos(turn),
-            radius[:, None] * np.sin(turn),
-            height[:, None] + 0 * turn,
-        ],
-        axis=-1,
-    )
+    x, y = radius[:, None] * np.cos(turn), radius[:, None] * np.sin(turn)
+    points = np.stack(np.broadcast_arrays(x, y, height[:, None]), axis=-1)
     along = np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(radius), np.diff(height)))])
     u, v = np.meshgrid(turn / (2 * np.pi), along / along[-1])
     return grid(points, np.stack([u, v], axis=-1))
@@ -132,7 +128,7 @@ def _lid(radius: float, height: float) -> Part:
     points = np.column_stack([radius * ring, np.full(_AROUND, height)])
     i = np.arange(1, _AROUND - 1)
     faces = np.stack([0 * i, i, i + 1], axis=1)
-    return Part("", points, faces, ring / 2 + 0.5, Look())
+    return Part(points, faces, ring / 2 + 0.5)
 
 
 def _ball(radii: NDArray[np.float64], gap: float = 0.0) -> Part:
@@ -144,17 +140,15 @@ def _ball(radii: NDArray[np.float64], gap: float = 0.0) -> Part:
     ball = _round(np.cos(tilt), np.sin(tilt))
     points = ball.vertices_m * radii
     points[:, 2] += np.repeat(apart, _AROUND + 1)
-    return Part("", points, ball.faces, ball.uv, Look())
+    return replace(ball, vertices_m=points)
 
 
 def _joined(*parts: Part) -> Part:
     first = np.cumsum([0, *(len(p.vertices_m) for p in parts)])
     return Part(
-        "",
         np.concatenate([p.vertices_m for p in parts]),
         np.concatenate([p.faces + n for p, n in zip(parts, first[:-1], strict=True)]),
         np.concatenate([p.uv for p in parts if p.uv is not None]),
-        Look(),
     )
 
 
@@ -178,16 +172,11 @@ def apart(parts: Sequence[Part]) -> list[Part]:
     sides, so two in one plane that look away from each other, as the front and the back of a sign,
     would show through one another.
     """
-    counts = [len(part.faces) for part in parts]
-    triangles = np.concatenate(
-        [np.empty((0, 3, 3)), *(part.vertices_m[part.faces] for part in parts)]
-    )
-    normal, backed = _backed(triangles)
-    starts = np.cumsum([0, *counts])
-    return [
-        _moved(part, normal[i:j], backed[i:j])
-        for part, i, j in zip(parts, starts[:-1], starts[1:], strict=True)
-    ]
+    triangles = [part.vertices_m[part.faces] for part in parts]
+    normal, backed = _backed(np.concatenate([np.empty((0, 3, 3)), *triangles]))
+    ends = np.cumsum([len(of_part) for of_part in triangles], dtype=int)
+    split = zip(parts, np.split(normal, ends), np.split(backed, ends), strict=False)
+    return [_moved(part, n, b) for part, n, b in split]
 
 
 def _backed(

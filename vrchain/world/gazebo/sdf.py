@@ -126,7 +126,7 @@ class _Reader:
             matrix = frames.of(link)
             for visual in link.all("visual"):
                 self._unsupported(visual)
-                visuals.append(Visual(visual, frames.of_visual(visual, matrix)))
+                visuals.append(Visual(visual, frames.of(visual, outer=matrix)))
         self._deep -= 1
         pose = pose_matrix(element.find("pose"))
         count = 1 + sum(p.model.count for p in nested)
