@@ -16,7 +16,7 @@ from gazebo_files import no_folders as no_folders
 from vrchain.errors import SpecError
 from vrchain.world import load_scene
 from vrchain.world.gazebo import designs
-from vrchain.world.gazebo.files import MOST_MODELS
+from vrchain.world.gazebo.sdf import MOST_MODELS
 
 BOMB = (
     '<!DOCTYPE b [<!ENTITY a "aaaaaaaaaa">'

@@ -14,12 +14,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.files import MOST_MESH_NODES, MOST_MESH_TRIANGLES
 from vrchain.world.gazebo.materials import Look
-from vrchain.world.gazebo.parts import MeshFile, Part, moved
+from vrchain.world.gazebo.parts import MOST_MESH_TRIANGLES, MeshFile, Part, moved
 from vrchain.world.gazebo.scripts import HALF
 from vrchain.world.gazebo.xml import check
 
+MOST_MESH_NODES = 20_000  # every use of one counted
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
     "Y_UP": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
     "X_UP": np.array([[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),

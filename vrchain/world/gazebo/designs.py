@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from vrchain.errors import SpecError
 from vrchain.world.atlas import join_by_texture
 from vrchain.world.gazebo import kinds
-from vrchain.world.gazebo.files import MODEL_SIZE_M, MOST_TRIANGLES, Notes
+from vrchain.world.gazebo.files import Notes
 from vrchain.world.gazebo.frames import Matrix, Model, Visual
 from vrchain.world.gazebo.ground import depth, is_wide, level_m, plane_of
 from vrchain.world.gazebo.materials import Look, Materials
@@ -20,6 +20,8 @@ from vrchain.world.gazebo.scripts import Colour
 from vrchain.world.gazebo.xml import Element
 from vrchain.world.model import SceneObject, Surface, size_of
 
+MOST_TRIANGLES = 6_000_000  # of a world
+MODEL_SIZE_M = (1e-3, 2000.0)
 _SHEET_M = 1000.0  # to which other planes are cut: no view shows more
 _RUN_M = 8.0  # a longer fence, wall or hedge is no landmark
 _NO_LANDMARK = ("ground", "robot", "person")

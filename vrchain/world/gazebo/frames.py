@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import rotation_z
-from vrchain.world.gazebo.files import FARTHEST_M
 from vrchain.world.gazebo.xml import Element
 
 Matrix = NDArray[np.float64]
+FARTHEST_M = 1e5  # of any place from the origin
 _FRAMED = ("link", "model", "include", "frame", "joint")
 
 

@@ -11,23 +11,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.files import (
-    MOST_IMAGE_BYTES,
-    MOST_IMAGE_PX,
-    MOST_TEXELS,
-    TEXTURE_PX,
-    Folders,
-    Notes,
-    is_elsewhere,
-    is_file,
-    read_bytes,
-)
+from vrchain.world.gazebo.files import Folders, Notes, is_elsewhere, is_file, read_bytes
 from vrchain.world.gazebo.scripts import HALF, PICTURED, STOCK, WHITE, Colour, Script, read_script
 from vrchain.world.gazebo.xml import Element
 
 if TYPE_CHECKING:
     from PIL import Image
 
+MOST_IMAGE_BYTES = 64 << 20
+MOST_IMAGE_PX = 8192  # a side
+TEXTURE_PX = 2048  # to which larger images are shrunk: no view shows more
+MOST_TEXELS = 400_000_000  # of all textures of a world together
 _PLAIN_PX = 8
 _FORMATS = ("PNG", "JPEG", "TGA", "BMP", "GIF", "TIFF", "WEBP", "DDS")
 _NORMAL_MAPS = (

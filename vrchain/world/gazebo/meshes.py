@@ -11,11 +11,13 @@ import numpy as np
 
 from vrchain.errors import SpecError
 from vrchain.world.gazebo.dae import Collada
-from vrchain.world.gazebo.files import MOST_MESH_BYTES, Notes, read_bytes
+from vrchain.world.gazebo.files import Notes, read_bytes
 from vrchain.world.gazebo.materials import Materials
 from vrchain.world.gazebo.obj import Obj
 from vrchain.world.gazebo.parts import MeshFile, Part, cleaned
 from vrchain.world.gazebo.xml import Element
+
+MOST_MESH_BYTES = 64 << 20
 
 
 class Stl(MeshFile):

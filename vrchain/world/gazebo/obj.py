@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.files import MOST_MESH_TRIANGLES, MOST_SCRIPT_BYTES, read_bytes
+from vrchain.world.gazebo.files import read_bytes
 from vrchain.world.gazebo.materials import Look
-from vrchain.world.gazebo.parts import MeshFile, Part
-from vrchain.world.gazebo.scripts import HALF, WHITE, Colour, floats
+from vrchain.world.gazebo.parts import MOST_MESH_TRIANGLES, MeshFile, Part
+from vrchain.world.gazebo.scripts import HALF, MOST_SCRIPT_BYTES, WHITE, Colour, floats
 
 _OPTION = re.compile(
     r"-(?:[ost](?:\s+[-+]?[\d.]+(?:e[-+]?\d+)?){1,3}|mm\s+\S+\s+\S+|[a-z]+\s+\S+)\s+"

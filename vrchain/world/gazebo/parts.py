@@ -11,6 +11,7 @@ from vrchain.world.gazebo.files import Notes
 from vrchain.world.gazebo.materials import Look, Materials
 from vrchain.world.gazebo.xml import Element
 
+MOST_MESH_TRIANGLES = 2_000_000
 PRIMITIVES = ("box", "cylinder", "sphere", "capsule", "ellipsoid", "cone")
 _PLAIN = Look()
 _AROUND, _RINGS = 32, 16

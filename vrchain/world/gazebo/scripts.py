@@ -7,9 +7,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.files import MOST_SCRIPT_BYTES, read_bytes
+from vrchain.world.gazebo.files import read_bytes
 from vrchain.world.model import OPAQUE
 
+MOST_SCRIPT_BYTES = 4 << 20
 Colour = tuple[float, float, float]
 HALF = OPAQUE - 1  # alpha above which a texel of a blended picture is taken for solid
 WHITE: Colour = (1.0, 1.0, 1.0)

@@ -9,18 +9,12 @@ from pathlib import Path
 
 import numpy as np
 
-from vrchain.world.gazebo.files import (
-    MOST_INCLUDES_DEEP,
-    MOST_MODELS,
-    VARIABLES,
-    Folders,
-    Notes,
-    is_file,
-    read_bytes,
-)
+from vrchain.world.gazebo.files import VARIABLES, Folders, Notes, is_file, read_bytes
 from vrchain.world.gazebo.frames import Frames, Matrix, Model, Placed, Visual, name_of, pose_matrix
 from vrchain.world.gazebo.xml import MOST_XML_BYTES, Element, parse
 
+MOST_INCLUDES_DEEP = 16
+MOST_MODELS = 10_000  # placed in a world
 # What may stand in a world, model or link and is not drawn, and how the warning calls it.
 _UNSUPPORTED = {
     "plugin": "plugins", "fog": "fog", "actor": "actors", "population": "populations",

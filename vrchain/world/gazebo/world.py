@@ -14,21 +14,12 @@ from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.paths import scene_file
 from vrchain.world import backdrop, light
 from vrchain.world.gazebo import ground
-from vrchain.world.gazebo.designs import Design, Designs, unique
-from vrchain.world.gazebo.files import (
-    FARTHEST_M,
-    MAP_M,
-    MOST_M2,
-    MOST_MODELS,
-    MOST_TRIANGLES,
-    Notes,
-    is_file,
-    model_folders,
-)
-from vrchain.world.gazebo.frames import Matrix, Placed
+from vrchain.world.gazebo.designs import MOST_TRIANGLES, Design, Designs, unique
+from vrchain.world.gazebo.files import Notes, is_file, model_folders
+from vrchain.world.gazebo.frames import FARTHEST_M, Matrix, Placed
 from vrchain.world.gazebo.materials import Materials
 from vrchain.world.gazebo.parts import moved
-from vrchain.world.gazebo.sdf import World, read_world
+from vrchain.world.gazebo.sdf import MOST_MODELS, World, read_world
 from vrchain.world.gazebo.xml import Element
 from vrchain.world.model import LightMap, Scene, SceneObject, Surface, ground_polygon
 from vrchain.world.outdoors import outdoors
@@ -36,6 +27,8 @@ from vrchain.world.spec import LightSpec, parse_spec
 
 SUFFIXES = (".world", ".sdf")
 
+MAP_M = 600.0  # widest map, as for scenes of our own
+MOST_M2 = 4e6  # of faces on the map, which light falls on: five times both sides of a whole map
 _BEYOND_M = 20.0  # of ground around what stands on it
 _RIM_M = 2.0  # of map around what stands on it
 _THIN_M = 0.25  # thinner faces take as much time
