@@ -172,20 +172,16 @@ def test_includes_that_include_themselves(tmp_path: Path) -> None:
     assert re.search(r"b/model\.sdf:2: <include>: model://a includes itself", message)
 
 
-def test_includes_that_multiply(tmp_path: Path) -> None:
-    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
-    for k in range(1, 12):
-        ten = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(10))
-        files |= gz.folder_of(f"m{k}", f'<model name="m{k}">{ten}</model>')
-    message = refused(tmp_path, world(include("model://m11")), files)
-    assert f"at most {MOST_MODELS} models" in message
-
-
-def test_includes_that_go_deep(tmp_path: Path) -> None:
-    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
-    for k in range(1, 40):
-        files |= gz.folder_of(f"m{k}", f'<model name="m">{include(f"model://m{k - 1}")}</model>')
-    assert "deep in one another" in refused(tmp_path, world(include("model://m39")), files)
+@pytest.mark.parametrize(
+    ("n", "times", "part"),
+    [(11, 10, f"at most {MOST_MODELS} models"), (39, 1, "deep in one another")],
+)
+def test_includes_that_multiply_or_go_deep(tmp_path: Path, n: int, times: int, part: str) -> None:
+    files = gz.folder_of("m0", CRATE)
+    for k in range(1, n + 1):
+        body = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(times))
+        files |= gz.folder_of(f"m{k}", f'<model name="m">{body}</model>')
+    assert part in refused(tmp_path, world(include(f"model://m{n}")), files)
 
 
 def test_more_triangles_than_a_world_may_have(
@@ -277,19 +273,24 @@ def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str
     assert [p for p in parts if p not in message] == []
 
 
-def refused_material(tmp_path: Path, line: str) -> str:
-    """What is said of an OBJ whose material file holds such a line."""
-    files: gz.Files = {
+@pytest.mark.parametrize(
+    ("line", "parts"),
+    [
+        ("Kd nan 0 0", ["a.mtl:2: expected", "numbers"]),
+        ("Kd 1 x 0", ["a.mtl:2: expected", "numbers"]),
+        ("Kd 1 0", ["a.mtl:2: expected", "numbers"]),
+        ("map_Kd /a\0b.png", ["test.world:1: <mesh>", "zero byte"]),
+        ("map_Kd a%00b.png", ["test.world:1: <mesh>", "zero byte"]),
+        ("map_Kd %2e%2e/%2e%2e/p.png", ["test.world:1: <mesh>", "leads out of the model folders"]),
+    ],
+)
+def test_material_files_of_a_mesh(tmp_path: Path, line: str, parts: list[str]) -> None:
+    files = {
         "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
         "worlds/a.mtl": f"newmtl A\n{line}\n",
     }
-    return refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
-
-
-@pytest.mark.parametrize("words", ["nan 0 0", "1 x 0", "1 0"])
-def test_colours_of_a_mesh(tmp_path: Path, words: str) -> None:
-    message = refused_material(tmp_path, f"Kd {words}")
-    assert "a.mtl:2: expected" in message and "numbers" in message
+    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+    assert [p for p in parts if p not in message] == []
 
 
 @pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1e7 1e7 1e7", "1 1"])
@@ -341,13 +342,6 @@ def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "a.obj: expected at most 1 MiB" in message
     monkeypatch.setattr(sdf, "MOST_XML_BYTES", 1 << 20)
     assert "test.world: expected at most 1 MiB" in refused(tmp_path, " " * ((1 << 20) + 1))
-
-
-@pytest.mark.parametrize("name", ["/a\0b.png", "a%00b.png", "%2e%2e/%2e%2e/p.png"])
-def test_pictures_by_odd_names(tmp_path: Path, name: str) -> None:
-    message = refused_material(tmp_path, f"map_Kd {name}")
-    assert "test.world:1: <mesh>" in message
-    assert "zero byte" in message or "leads out of the model folders" in message
 
 
 def test_a_broken_script(tmp_path: Path) -> None:
