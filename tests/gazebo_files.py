@@ -1,11 +1,16 @@
 """Gazebo worlds and models written for tests, as small as what they test allows."""
 
 import struct
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pytest
+
+from vrchain.errors import UnsupportedWarning
+from vrchain.world import Scene, SceneObject, load_scene
 
 BOX_XYZ = [(x, y, z) for z in (0, 1) for y in (0, 1) for x in (0, 1)]
 BOX_FACES = [
@@ -13,10 +18,46 @@ BOX_FACES = [
     (2, 6, 7), (2, 7, 3), (0, 4, 6), (0, 6, 2), (1, 3, 7), (1, 7, 5),
 ]  # fmt: skip
 SUN = '<light name="sun" type="directional"><direction>-0.5 0.1 -0.9</direction></light>'
+Files = Mapping[str, str | bytes]
+UNWARNED = pytest.mark.filterwarnings("error::vrchain.errors.UnsupportedWarning")
 GROUND = "<plane><normal>0 0 1</normal><size>100 100</size></plane>"
 
 
-def write(folder: Path, files: Mapping[str, str | bytes]) -> Path:
+@pytest.fixture(autouse=True)
+def no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
+    """For tests that import it: no model folders but those beside the world."""
+    for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+
+
+def load(folder: Path, body: str, files: Files | None = None) -> Scene:
+    """A world, which stands in worlds/, beside models/."""
+    write(folder, {"worlds/test.world": world(body), **(files or {})})
+    return load_scene(folder / "worlds" / "test.world")
+
+
+def only(scene: Scene) -> SceneObject:
+    (thing,) = scene.objects
+    return thing
+
+
+def drawn(
+    folder: Path, geometry: str, files: Files | None = None, material: str = ""
+) -> SceneObject:
+    """The one object of a world of one visual."""
+    return only(load(folder, model(visual(geometry, material=material)), files))
+
+
+@contextmanager
+def told(*parts: str) -> Iterator[None]:
+    """One warning, of one line, that holds all these."""
+    with pytest.warns(UnsupportedWarning) as caught:
+        yield
+    (line,) = [str(w.message) for w in caught]
+    assert "\n" not in line and [part for part in parts if part not in line] == []
+
+
+def write(folder: Path, files: Files) -> Path:
     """Files by their paths below a folder."""
     for name, content in files.items():
         path = folder / name
@@ -70,8 +111,7 @@ def folder_of(name: str, body: str) -> dict[str, str]:
 
 def png(rgba: tuple[int, ...], size_px: int = 4) -> bytes:
     """A picture of one colour, RGB or RGBA."""
-    image = np.full((size_px, size_px, len(rgba)), rgba, dtype=np.uint8)
-    return picture(image)
+    return picture(np.full((size_px, size_px, len(rgba)), rgba, dtype=np.uint8))
 
 
 def picture(image: np.ndarray) -> bytes:
@@ -153,3 +193,4 @@ def _pose(pose: str) -> str:
 
 
 GROUND_MODEL = model(visual(GROUND), name="ground_plane")
+CUBE = visual(box("1 1 1"))

@@ -1,3 +1,5 @@
+from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import cv2
@@ -10,7 +12,7 @@ from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 from vrchain.world import atlas
-from vrchain.world.atlas import join_by_texture, pack, sort_by_place
+from vrchain.world.atlas import Joined, join_by_texture, pack, sort_by_place
 from vrchain.world.model import Scene, Surface, place
 from vrchain.world.render import Renderer
 
@@ -24,9 +26,7 @@ def texture(name: str, height_px: int = 16, width_px: int = 16) -> NDArray[np.ui
 def square(picture: NDArray[np.uint8], x_m: float = 0.0, times: float = 1.0) -> Surface:
     """A square metre at x, showing its texture, or so many repeats of it each way."""
     surface = worlds.quad([(x_m, 0, 0), (x_m, 1, 0), (x_m, 1, 1), (x_m, 0, 1)], picture)
-    return Surface(
-        surface.vertices_m, surface.faces, surface.uv * times, surface.shade, surface.texture
-    )
+    return replace(surface, uv=surface.uv * np.float32(times))
 
 
 def sampled(surface: Surface, u: float, v: float, corner: int) -> NDArray[np.float64]:
@@ -42,7 +42,7 @@ def texel(surface: Surface, u: float, v: float, corner: int = 0) -> NDArray[np.u
     return surface.texture[int(y), int(x)]
 
 
-def first_vertices(packed: list[Surface], wanted: Surface) -> tuple[Surface, int]:
+def first_vertices(packed: list[Joined], wanted: Surface) -> tuple[Joined, int]:
     """The packed surface that holds a quad, and the number of its first vertex there."""
     for surface in packed:
         for corner in range(0, len(surface.vertices_m), 4):
@@ -54,7 +54,7 @@ def first_vertices(packed: list[Surface], wanted: Surface) -> tuple[Surface, int
 MIXED = [(16, 16), (64, 8), (1, 1), (3, 500), (200, 200), (8, 8), (5, 7)]
 
 
-def test_every_texel_is_found_again() -> None:
+def test_every_texel_is_found_again_and_corners_are_mapped_exactly() -> None:
     surfaces = [square(texture(f"{s}", *s), x_m=k) for k, s in enumerate(MIXED)]
     packed = pack(surfaces)
     assert len(packed) == 1
@@ -65,42 +65,33 @@ def test_every_texel_is_found_again() -> None:
             for column in range(0, w, max(1, w // 7)):
                 u, v = (column + 0.5) / w, 1 - (row + 0.5) / h
                 assert np.array_equal(texel(inside, u, v, corner), original.texture[row, column])
-
-
-def test_corners_are_mapped_exactly() -> None:
-    surfaces = [square(texture(f"{s}", *s), x_m=k) for k, s in enumerate(MIXED)]
-    packed = pack(surfaces)
-    for original in surfaces:
-        inside, corner = first_vertices(packed, original)
-        h, w = original.texture.shape[:2]
         low = sampled(inside, 0, 0, corner)  # the lower left corner, so the bottom row's edge
-        high = sampled(inside, 1, 1, corner)
         assert np.allclose(low, np.round(low), atol=0.01)
-        assert np.allclose(high - low, (w, -h), atol=0.01)
+        assert np.allclose(sampled(inside, 1, 1, corner) - low, (w, -h), atol=0.01)
+
+
+def assert_padded(packed: list[Joined], original: Surface) -> Joined:
+    """Around a picture its own edge goes on, as far as coarse mipmaps look. Returns its atlas."""
+    inside, corner = first_vertices(packed, original)
+    h, w = original.texture.shape[:2]
+    column, bottom = np.round(sampled(inside, 0, 0, corner)).astype(int)
+    g = atlas._GUTTER_PX
+    around = inside.texture[bottom - h - g : bottom + g, column - g : column + w + g]
+    assert np.array_equal(around, np.pad(original.texture, ((g, g), (g, g), (0, 0)), "edge"))
+    return inside
 
 
 def test_neighbours_in_the_atlas_keep_away_from_each_other() -> None:
-    """Around each picture its own edge goes on, as far as coarse mipmaps look."""
     surfaces = [square(texture(f"{k}", 20, 30), x_m=k) for k in range(6)]
-    (packed,) = pack(surfaces)
+    packed = pack(surfaces)
+    assert len(packed) == 1
     for original in surfaces:
-        inside, corner = first_vertices([packed], original)
-        column, bottom = np.round(sampled(inside, 0, 0, corner)).astype(int)
-        row = bottom - 20
-        g = atlas._GUTTER_PX
-        around = packed.texture[row - g : row + 20 + g, column - g : column + 30 + g]
-        assert np.array_equal(around, np.pad(original.texture, ((g, g), (g, g), (0, 0)), "edge"))
+        assert_padded(packed, original)
 
 
 def test_repeating_textures_stay_by_themselves() -> None:
-    repeats = square(texture("r"), 0, times=3.0)
-    beyond = Surface(
-        repeats.vertices_m + 9,
-        repeats.faces,
-        square(texture("b")).uv - 0.5,
-        repeats.shade,
-        texture("b"),
-    )
+    repeats, beyond = square(texture("r"), 0, times=3.0), square(texture("b"), 9)
+    beyond = replace(beyond, uv=beyond.uv - np.float32(0.5))
     singles = [square(texture(f"{k}"), x_m=20 + k) for k in range(3)]
     packed = pack([singles[0], repeats, singles[1], beyond, singles[2]])
     assert len(packed) == 3
@@ -122,40 +113,25 @@ def test_cut_outs_have_an_atlas_of_their_own_that_keeps_their_alpha() -> None:
     assert [s.cut_out for s in packed] == [False, True, True]
     assert packed[1].texture is repeats.texture
     for original in leaves:
-        inside, corner = first_vertices(packed, original)
-        assert inside is packed[2]
-        column, bottom = np.round(sampled(inside, 0, 0, corner)).astype(int)
-        g = atlas._GUTTER_PX
-        around = inside.texture[bottom - 9 - g : bottom + g, column - g : column + 13 + g]
-        assert np.array_equal(around, np.pad(original.texture, ((g, g), (g, g), (0, 0)), "edge"))
+        assert assert_padded(packed, original) is packed[2]
     assert packed[2].owner.tolist() == np.repeat([0, 3, 6], 4).tolist()
 
 
 def test_a_texture_that_repeats_anywhere_repeats_everywhere() -> None:
     shared = texture("shared")
-    packed = pack(
-        [
-            square(shared),
-            square(shared, 1, times=2.0),
-            square(texture("a"), 2),
-            square(texture("c"), 3),
-        ]
-    )
+    others = [square(texture(name), x) for x, name in ((2, "a"), (3, "c"))]
+    packed = pack([square(shared), square(shared, 1, times=2.0), *others])
     assert len(packed) == 2
     assert packed[0].texture is shared and len(packed[0].vertices_m) == 8
 
 
 def test_a_hair_beyond_the_edge_is_no_repeat() -> None:
-    hair = square(texture("hair"))
-    nearly = Surface(
-        hair.vertices_m, hair.faces, hair.uv * np.float32(1.0005), hair.shade, hair.texture
-    )
+    nearly = square(texture("hair"), times=1.0005)
     packed = pack([nearly, square(texture("other"), 1)])
     assert len(packed) == 1
     inside, corner = first_vertices(packed, nearly)
-    assert np.allclose(
-        sampled(inside, 1, 1, corner) - sampled(inside, 0, 0, corner), (16, -16), atol=0.01
-    )
+    size = sampled(inside, 1, 1, corner) - sampled(inside, 0, 0, corner)
+    assert np.allclose(size, (16, -16), atol=0.01)
 
 
 def test_very_wide_textures_stay_by_themselves() -> None:
@@ -203,10 +179,12 @@ def test_nothing_that_was_given_is_changed() -> None:
         assert np.array_equal(s.faces, faces)
 
 
-def triangles(group: list[Surface], with_uv: bool = False) -> NDArray[np.float32]:
+def triangles(group: Sequence[Surface], with_uv: bool = False) -> NDArray[np.float32]:
     """All triangles, sorted: each corner's place, light and perhaps uv."""
     corners = [
-        np.dstack([s.vertices_m[s.faces], s.shade[s.faces], *([s.uv[s.faces]] if with_uv else [])])
+        np.dstack(
+            [s.vertices_m[s.faces], s.shade_rgb[s.faces], *([s.uv[s.faces]] if with_uv else [])]
+        )
         for s in group
     ]
     flat = np.concatenate([c.reshape(len(c), -1) for c in corners])
@@ -251,7 +229,7 @@ def gallery() -> Scene:
         picture = np.stack([255 * x / w, 255 * y / h, np.full((h, w), 40 * k)], axis=2)
         wall = worlds.quad([(0, 2, 0), (0, -2, 0), (0, -2, 3), (0, 2, 3)], picture.astype(np.uint8))
         if k >= 4:
-            wall = Surface(wall.vertices_m, wall.faces, wall.uv * 3, wall.shade, wall.texture)
+            wall = replace(wall, uv=wall.uv * 3)
         pose = Pose(float(5 * np.cos(angle)), float(5 * np.sin(angle)), angle)
         things.append(place(f"wall {k}", "wall", f"wall {k}", [wall], pose, landmark=True))
     return Scene("gallery", (40.0, 40.0), tuple(things))

@@ -93,13 +93,13 @@ def test_large_faces_are_cut_and_stay_what_they_were() -> None:
     (after,), _ = bake([before], light_of("noon"), EXTENT_M)
     for old, new in zip(before.surfaces, after.surfaces, strict=True):
         corners, uv = new.vertices_m[new.faces].astype(float), new.uv[new.faces].astype(float)
-        normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-        old_corners = old.vertices_m[old.faces].astype(float)
-        old_normal = np.cross(*(old_corners[:, i] - old_corners[:, 0] for i in (1, 2)))
-        assert normal.sum(axis=0) == pytest.approx(old_normal.sum(axis=0), abs=1e-4)
-        assert np.linalg.norm(normal, axis=1).sum() == pytest.approx(
-            np.linalg.norm(old_normal, axis=1).sum(), rel=1e-5
-        )  # turned as before, nothing covered twice
+        areas = [
+            np.cross(c[:, 1] - c[:, 0], c[:, 2] - c[:, 0])
+            for c in (old.vertices_m[old.faces].astype(float), corners)
+        ]  # turned as before, nothing covered twice
+        assert areas[1].sum(axis=0) == pytest.approx(areas[0].sum(axis=0), abs=1e-4)
+        old_m2, new_m2 = (np.linalg.norm(a, axis=1).sum() for a in areas)
+        assert new_m2 == pytest.approx(old_m2, rel=1e-5)
         edges = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
         assert edges.max() < 2.3
         # uv is where it was: one affine map takes places on the old face to uv, old and new.
@@ -135,12 +135,9 @@ def test_the_builders_own_shade_stays_in_the_light() -> None:
     plain = house()
     dim = replace(plain, surfaces=tuple(replace(s, shade=0.5 * s.shade) for s in plain.surfaces))
     light = light_of("noon")
-    for full, half in zip(
-        bake([plain], light, EXTENT_M)[0][0].surfaces,
-        bake([dim], light, EXTENT_M)[0][0].surfaces,
-        strict=True,
-    ):
-        assert half.shade == pytest.approx(0.5 * full.shade)
+    full, half = (bake([thing], light, EXTENT_M)[0][0].surfaces for thing in (plain, dim))
+    for a, b in zip(full, half, strict=True):
+        assert b.shade == pytest.approx(0.5 * a.shade)
 
 
 def test_alone_in_the_open_a_thing_has_all_the_light_that_its_faces_can_have() -> None:

@@ -27,6 +27,10 @@ def block(
     return SceneObject("it", kind, "it", True, True, box.size_m, (*box.surfaces, *below.surfaces))
 
 
+def blocked(*things: SceneObject) -> Obstacles:
+    return obstacles(things, EXTENT_M, 0.25)
+
+
 def ground_at(
     things: Obstacles, direction: NDArray[np.float64], *points: tuple[float, float]
 ) -> list[float]:
@@ -37,25 +41,23 @@ def ground_at(
 
 @pytest.mark.parametrize("azimuth_deg", [0.0, 77.0, 180.0, 235.0])
 def test_a_block_throws_its_shadow_as_far_as_the_sun_is_low(azimuth_deg: float) -> None:
-    things = obstacles([block("box", (0, 0), (2, 2, 3))], EXTENT_M, 0.25)
+    things = blocked(block("box", (0, 0), (2, 2, 3)))
     light = towards(azimuth_deg, 30.0)
     away = -light[:2] / np.hypot(*light[:2])
     reach_m = 3.0 / np.tan(np.radians(30.0))
-    in_shadow, beyond, before = (
-        tuple(d * away) for d in (1.5 + 0.5 * reach_m, 1.8 + reach_m, -1.9)
-    )
-    assert ground_at(things, light, in_shadow, beyond, before) == pytest.approx([0, 1, 1], abs=0.02)
+    places = (tuple(d * away) for d in (1.5 + 0.5 * reach_m, 1.8 + reach_m, -1.9))
+    assert ground_at(things, light, *places) == pytest.approx([0, 1, 1], abs=0.02)
 
 
 def test_the_top_and_the_sunny_side_of_a_block_are_lit_and_its_far_side_is_not() -> None:
-    things = obstacles([block("box", (0, 0), (2, 2, 3))], EXTENT_M, 0.25)
+    things = blocked(block("box", (0, 0), (2, 2, 3)))
     places = np.array([(0, 0, 3.3), (1.35, 0, 1.5), (-1.35, 0, 1.5)], dtype=np.float32)
     shares, _ = things.arriving(towards(0.0, 40.0), places)
     assert shares.tolist() == pytest.approx([1, 1, 0], abs=0.05)
 
 
 def test_the_shadow_of_a_pole_has_no_gaps() -> None:
-    things = obstacles([block("pole", (0.05, 0.05), (0.1, 0.1, 6))], EXTENT_M, 0.25)
+    things = blocked(block("pole", (0.05, 0.05), (0.1, 0.1, 6)))
     light = towards(200.0, 14.0)
     along = np.linspace(1.0, 18.0, 60)
     line = [tuple(0.05 - d * light[:2] / np.hypot(*light[:2])) for d in along]
@@ -63,7 +65,7 @@ def test_the_shadow_of_a_pole_has_no_gaps() -> None:
 
 
 def test_under_a_table_it_is_dark_and_beside_it_light() -> None:
-    things = obstacles([block("box", (0, 0), (4, 4, 0.2), base_m=2.0)], EXTENT_M, 0.25)
+    things = blocked(block("box", (0, 0), (4, 4, 0.2), base_m=2.0))
     assert ground_at(things, UP, (0, 0), (2.6, 0)) == pytest.approx([0, 1], abs=0.02)
     low = towards(0.0, 20.0)  # comes in from the side
     assert ground_at(things, low, (1.0, 0.0)) == pytest.approx([1], abs=0.02)
@@ -71,24 +73,20 @@ def test_under_a_table_it_is_dark_and_beside_it_light() -> None:
 
 def test_leaves_take_the_more_the_thicker_they_are() -> None:
     crowns = [block("tree", (0, 0), (4, 4, 2), 2.0), block("tree", (10, 0), (4, 4, 4), 2.0)]
-    thin, thick, none = ground_at(
-        obstacles(crowns, EXTENT_M, 0.25), UP, (0.0, 0.0), (10.0, 0.0), (5.0, 0.0)
-    )
+    thin, thick, none = ground_at(blocked(*crowns), UP, (0.0, 0.0), (10.0, 0.0), (5.0, 0.0))
     assert thick == pytest.approx(thin**2, rel=0.05)  # twice the way
     assert 0.2 < thin < 0.5
     assert none == 1
 
 
 def test_wider_cells_know_the_same_world() -> None:
-    fine = obstacles([block("box", (3, 1), (2, 2, 3)), block("tree", (-5, 0), (3, 3, 4))],
-                     EXTENT_M, 0.25)  # fmt: skip
+    fine = blocked(block("box", (3, 1), (2, 2, 3)), block("tree", (-5, 0), (3, 3, 4)))
     wide = fine.coarser()
     assert (wide.cell_m, wide.shape) == (0.5, (112, 112))
     places = [(3.0, 1.0), (-5.0, 0.0), (0.0, 8.0), (3.0, 5.0)]
     light = towards(30.0, 50.0)
-    assert ground_at(wide, light, *places) == pytest.approx(
-        ground_at(fine, light, *places), abs=0.1
-    )
+    same = pytest.approx(ground_at(fine, light, *places), abs=0.1)
+    assert ground_at(wide, light, *places) == same
 
 
 def test_with_nothing_there_all_light_arrives() -> None:
@@ -101,14 +99,14 @@ def test_with_nothing_there_all_light_arrives() -> None:
 
 
 def test_what_stands_at_the_rim_or_beyond_it_is_no_trouble() -> None:
-    things = obstacles([block("box", (20, 20), (30, 30, 3))], EXTENT_M, 0.25)
+    things = blocked(block("box", (20, 20), (30, 30, 3)))
     assert ground_at(things, UP, (20, 20), (0, 0)) == pytest.approx([0, 1], abs=0.02)
     assert ground_at(things, towards(0, 12), (500.0, 0.0)) == [1.0]
 
 
 def test_a_floor_far_wider_than_the_map_takes_little_memory() -> None:
     tracemalloc.start()
-    things = obstacles([block("box", (0, 0), (2000, 2000, 1))], EXTENT_M, 0.25)
+    things = blocked(block("box", (0, 0), (2000, 2000, 1)))
     peak = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert peak < 200e6
@@ -118,6 +116,6 @@ def test_a_floor_far_wider_than_the_map_takes_little_memory() -> None:
 
 def test_what_is_high_above_throws_no_shadow() -> None:
     high = block("box", (0, 0), (2, 2, 3), base_m=90_000.0)
-    things = obstacles([high, block("box", (5, 0), (2, 2, 300))], EXTENT_M, 0.25)
+    things = blocked(high, block("box", (5, 0), (2, 2, 300)))
     assert things.top_m.max() <= 101.0
     assert ground_at(things, UP, (0, 0), (5, 0)) == pytest.approx([1, 0], abs=0.05)

@@ -1,4 +1,4 @@
-import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import cv2
 import numpy as np
@@ -6,6 +6,7 @@ import pytest
 import worlds
 
 from vrchain.errors import PoseError, RenderError
+from vrchain.experiments.landmarks.pairs import draw_poses
 from vrchain.experiments.reproduction.results import suburb
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
@@ -155,19 +156,10 @@ print(json.dumps([hashlib.sha256(a.tobytes()).hexdigest() for a in arrays]))
 
 def test_another_thread_is_refused() -> None:
     renderer = Renderer(worlds.yard())
-    caught = []
-
-    def draw() -> None:
-        try:
-            renderer.render(Pose(0, 0), worlds.SMALL_RIG)
-        except RenderError as error:
-            caught.append(str(error))
-
-    thread = threading.Thread(target=draw)
-    thread.start()
-    thread.join()
-    assert len(caught) == 1
-    assert "thread" in caught[0]
+    with ThreadPoolExecutor(1) as pool:
+        drawing = pool.submit(renderer.render, Pose(0, 0), worlds.SMALL_RIG)
+        with pytest.raises(RenderError, match="thread"):
+            drawing.result()
 
 
 def test_a_scene_of_nothing_is_all_sky() -> None:
@@ -235,28 +227,14 @@ def test_a_robot_is_upright_and_faces_its_way(yaw_rad: float) -> None:
     assert lights[0] > 20 and lights[1] == 0
 
 
-def free_poses(scene: Scene, n: int) -> list[Pose]:
-    """Random poses at which a robot fits."""
-    draws = generator(0, "free poses")
-    half = np.array(scene.extent_m) / 2
-    places = draws.uniform(-half, half, (50 * n, 2))
-    free = places[scene.is_free(places)][:n]
-    return [Pose(float(x), float(y), float(draws.uniform(-np.pi, np.pi))) for x, y in free]
-
-
 def test_drawn_objects_are_those_that_rays_hit() -> None:
     poses = [Pose(0, 0), Pose(2, -1, 0.4), Pose(-1, 3, 3.0)]
     assert min(agreement(worlds.yard(), poses, CameraRig(8, 320, 240))) >= 0.995
 
 
-def test_drawn_objects_are_those_that_rays_hit_in_the_suburb() -> None:
+@pytest.mark.parametrize("n", [3, pytest.param(20, marks=pytest.mark.slow)])
+def test_drawn_objects_are_those_that_rays_hit_in_the_suburb(n: int) -> None:
     scene = suburb()
-    assert min(agreement(scene, free_poses(scene, 3), CameraRig())) >= 0.995
-
-
-@pytest.mark.slow
-def test_drawn_objects_are_those_that_rays_hit_at_twenty_places() -> None:
-    scene = suburb()
-    shares = agreement(scene, free_poses(scene, 20), CameraRig())
+    shares = agreement(scene, draw_poses(scene, n, generator(3000)), CameraRig())
     print(f"drawn and cast ids agree on {min(shares):.3%} of the pixels at least")
     assert min(shares) >= 0.995

@@ -15,19 +15,33 @@ _EPSILON = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class Joined(Surface):
-    """Many surfaces in one. owner: (n,) int32, which of those surfaces a vertex is of."""
+    """Many surfaces in one. shade: (n, 3); owner: (n,) int32, which of them a vertex is of."""
 
     owner: NDArray[np.int32]
 
 
+def join(surfaces: Sequence[Surface]) -> Joined:
+    """Surfaces as one, of the texture of the first."""
+    counts = [len(s.vertices_m) for s in surfaces]
+    faces = [s.faces + n for s, n in zip(surfaces, np.cumsum([0, *counts])[:-1], strict=True)]
+    none = np.empty((0, 3), dtype=np.float32)
+    return Joined(
+        np.concatenate([none, *(s.vertices_m for s in surfaces)]),
+        np.concatenate([np.empty((0, 3), dtype=np.int32), *faces]).astype(np.int32),
+        np.concatenate([none[:, :2], *(s.uv for s in surfaces)]),
+        np.concatenate([none, *(s.shade_rgb for s in surfaces)]),
+        surfaces[0].texture if surfaces else np.zeros((1, 1, 3), dtype=np.uint8),
+        np.repeat(np.arange(len(surfaces), dtype=np.int32), counts),
+    )
+
+
 def join_by_texture(surfaces: Sequence[Surface]) -> list[Joined]:
     """Surfaces that share a texture array become one, in order of first use."""
-    groups: dict[int, list[Joined]] = {}
-    for index, s in enumerate(surfaces):
-        owner = np.full(len(s.vertices_m), index, dtype=np.int32)
-        joined = Joined(s.vertices_m, s.faces, s.uv, s.shade, s.texture, owner)
-        groups.setdefault(id(s.texture), []).append(joined)
-    return [_concatenate(group) for group in groups.values()]
+    groups: dict[int, list[int]] = {}
+    for index, surface in enumerate(surfaces):
+        groups.setdefault(id(surface.texture), []).append(index)
+    joined = [(join([surfaces[i] for i in group]), group) for group in groups.values()]
+    return [replace(j, owner=np.array(group, dtype=np.int32)[j.owner]) for j, group in joined]
 
 
 def pack(surfaces: Sequence[Surface]) -> list[Joined]:
@@ -61,10 +75,9 @@ def _pack_alike(joined: list[Joined]) -> list[Joined]:
         )
         u = (column + np.clip(surface.uv[:, 0], 0, 1) * w) / _WIDTH_PX
         v = 1 - (row + (1 - np.clip(surface.uv[:, 1], 0, 1)) * h) / height_px
-        moved.append(
-            replace(surface, uv=np.stack([u, v], axis=1).astype(np.float32), texture=atlas)
-        )
-    return [*repeating, _concatenate(moved)]
+        uv = np.stack([u, v], axis=1).astype(np.float32)
+        moved.append(replace(surface, uv=uv, texture=atlas))
+    return [*repeating, replace(join(moved), owner=np.concatenate([s.owner for s in moved]))]
 
 
 def sort_by_place(surface: Joined, cell_m: float = 16.0) -> tuple[Joined, NDArray[np.int64]]:
@@ -95,16 +108,3 @@ def _shelves(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], 
         column += w + 2 * _GUTTER_PX
         shelf = max(shelf, h + 2 * _GUTTER_PX)
     return corners, row + shelf
-
-
-def _concatenate(group: Sequence[Joined]) -> Joined:
-    first = np.cumsum([0, *(len(s.vertices_m) for s in group[:-1])])
-    faces: list[NDArray[np.int32]] = [s.faces + n for s, n in zip(group, first, strict=True)]
-    return Joined(
-        np.concatenate([s.vertices_m for s in group]),
-        np.concatenate(faces).astype(np.int32),
-        np.concatenate([s.uv for s in group]),
-        np.concatenate([s.shade for s in group]),
-        group[0].texture,
-        np.concatenate([s.owner for s in group]),
-    )

@@ -58,8 +58,9 @@ def glb_bytes(scene: Scene, max_texture_px: int | None = None, *, webp: bool = F
             key = id(part.texture)
             if key not in materials:
                 materials[key] = _material(part.texture, max_texture_px)
-            name = thing.name if len(parts) == 1 else f"{thing.name}/{number}"
-            parent = thing.name if len(parts) > 1 else None
+            name, parent = thing.name, None
+            if len(parts) > 1:
+                name, parent = f"{thing.name}/{number}", thing.name
             mesh = _mesh(part, materials[key], extras)
             graph.add_geometry(mesh, node_name=name, geom_name=name, parent_node_name=parent)
     if scene.ground_light is not None:
@@ -81,7 +82,7 @@ def _lit_ground(scene: Scene) -> Iterator[SceneObject]:
             yield thing
             continue
         tint = _open_light(ground).astype(np.float32)
-        surfaces = [replace(s, shade=_rgb(s.shade) * tint) for s in thing.surfaces]
+        surfaces = [replace(s, shade=s.shade_rgb * tint) for s in thing.surfaces]
         yield replace(thing, surfaces=tuple(surfaces))
 
 
@@ -109,16 +110,11 @@ def _shadows(ground: LightMap) -> Any:
     return _mesh(sheet, material, {"kind": SHADOWS})
 
 
-def _rgb(shade: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Light as (n, 3), from (n,) or (n, 3)."""
-    return np.broadcast_to(shade.reshape(len(shade), -1), (len(shade), 3))
-
-
 def _mesh(part: Surface, material: Any, extras: Mapping[str, object]) -> Any:
     import trimesh
 
     visual = trimesh.visual.TextureVisuals(uv=part.uv, material=material)
-    light = np.round(255 * np.clip(_rgb(part.shade), 0.0, 1.0) ** _GAMMA).astype(np.uint8)
+    light = np.round(255 * np.clip(part.shade_rgb, 0.0, 1.0) ** _GAMMA).astype(np.uint8)
     opaque = np.full((len(light), 1), 255, dtype=np.uint8)
     visual.vertex_attributes["color"] = np.concatenate([light, opaque], axis=1)
     x, y, z = part.vertices_m.T
@@ -155,5 +151,4 @@ def _material(texture: NDArray[np.uint8], max_texture_px: int | None) -> Any:
 def _make_unlit(tree: dict[str, Any]) -> None:
     for material in tree.get("materials", ()):
         material["extensions"] = {_UNLIT: {}}
-    used = tree.setdefault("extensionsUsed", [])
-    used.append(_UNLIT)
+    tree.setdefault("extensionsUsed", []).append(_UNLIT)

@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from vrchain.world.atlas import Joined, join
 from vrchain.world.model import LightMap, SceneObject, Surface
 from vrchain.world.occlusion import MARGIN_M, Obstacles, is_over, obstacles
 from vrchain.world.spec import LightSpec
@@ -87,7 +88,7 @@ def lit(obj: SceneObject, light: Light) -> SceneObject:
 
     def shaded(surface: Surface) -> Surface:
         falling = light.on(vertex_normals(surface.vertices_m, surface.faces))
-        return replace(surface, shade=_rgb(surface.shade) * falling)
+        return replace(surface, shade=surface.shade_rgb * falling)
 
     return replace(obj, surfaces=tuple(shaded(s) for s in obj.surfaces))
 
@@ -102,17 +103,17 @@ def bake(
     things = list(objects)
     blockers = obstacles(things, extent_m, _SUN_CELL_M)
     half = np.array(extent_m) / 2 + MARGIN_M
-    uncut = [thing.kind in _UNCUT for thing in things for _ in thing.surfaces]
-    mesh = _cut(_joined(things), uncut, half)
     surfaces = [s for thing in things for s in thing.surfaces]
+    uncut = [thing.kind in _UNCUT for thing in things for _ in thing.surfaces]
+    mesh, normals = _cut(join(surfaces), uncut, half)
     # A leaf is lit from whichever side light comes: what stands before it counts alone.
     leaf = np.array([s.cut_out for s in surfaces], dtype=bool)[mesh.owner]
-    normals = np.where(leaf[:, None], 0.0, mesh.normals)
+    normals[leaf] = 0.0
     sun, sun_on_ground = _sun(blockers, light, mesh.vertices_m, normals)
     sky, sky_on_ground = _sky(blockers.coarser(), mesh.vertices_m, normals)
     facing = np.where(leaf, _LEAF_FACING, np.clip(normals @ light.direction, 0, 1))
-    shades = mesh.shade * light.towards(facing, normals[:, 2], sun, sky)
-    parts = iter(_parted(replace(mesh, shade=shades), surfaces))
+    shade = mesh.shade * light.towards(facing, normals[:, 2], sun, sky)
+    parts = iter(_parted(replace(mesh, shade=shade), surfaces))
     baked = [replace(t, surfaces=tuple(next(parts) for _ in t.surfaces)) for t in things]
     size = sun_on_ground.shape[::-1]
     wide_sky = np.asarray(cv2.resize(sky_on_ground, size, interpolation=cv2.INTER_LINEAR))
@@ -169,67 +170,19 @@ def _before(
     return np.maximum(moved, (-np.inf, -np.inf, 0.02)).astype(np.float32)
 
 
-@dataclass(frozen=True, eq=False)
-class _Mesh:
-    """Many surfaces in one. owner: (n,) the surface that a vertex is of; the rest as there."""
-
-    vertices_m: NDArray[np.float32]
-    faces: NDArray[np.int64]
-    uv: NDArray[np.float32]
-    shade: NDArray[np.float32]  # (n, 3)
-    normals: NDArray[np.float64]
-    owner: NDArray[np.int64]
-
-
-def _joined(things: Iterable[SceneObject]) -> _Mesh:
-    surfaces = [s for thing in things for s in thing.surfaces]
-    counts = [len(s.vertices_m) for s in surfaces]
-    first = np.cumsum([0, *counts])[:-1]
-    faces = [s.faces + n for s, n in zip(surfaces, first, strict=True)]
-    vertices = np.concatenate([np.empty((0, 3), np.float32), *(s.vertices_m for s in surfaces)])
-    joined_faces = np.concatenate([np.empty((0, 3), np.int64), *faces])
-    return _Mesh(
-        vertices,
-        joined_faces,
-        np.concatenate([np.empty((0, 2), np.float32), *(s.uv for s in surfaces)]),
-        np.concatenate([np.empty((0, 3), np.float32), *(_rgb(s.shade) for s in surfaces)]),
-        vertex_normals(vertices, joined_faces),
-        np.repeat(np.arange(len(surfaces)), counts),
-    )
-
-
-def _parted(mesh: _Mesh, surfaces: Sequence[Surface]) -> Iterator[Surface]:
-    """The surfaces of a mesh, with the textures of those that it was joined of."""
-    order = np.argsort(mesh.owner, kind="stable")
-    place = np.argsort(order, kind="stable")
-    starts = np.searchsorted(mesh.owner[order], np.arange(len(surfaces) + 1))
-    faces_owner = mesh.owner[mesh.faces[:, 0]]
-    faces = place[mesh.faces[np.argsort(faces_owner, kind="stable")]]
-    faces_starts = np.searchsorted(np.sort(faces_owner), np.arange(len(surfaces) + 1))
-    for k, surface in enumerate(surfaces):
-        here = order[starts[k] : starts[k + 1]]
-        own = faces[faces_starts[k] : faces_starts[k + 1]] - starts[k]
-        yield replace(
-            surface,
-            vertices_m=mesh.vertices_m[here],
-            faces=own.astype(np.int32),
-            uv=mesh.uv[here],
-            shade=mesh.shade[here],
-        )
-
-
-def _cut(mesh: _Mesh, uncut: Sequence[bool], half: NDArray[np.float64]) -> _Mesh:
+def _cut(
+    mesh: Joined, uncut: Sequence[bool], half: NDArray[np.float64]
+) -> tuple[Joined, NDArray[np.float64]]:
     """The mesh with large triangles halved across their longest edges until none is large.
 
     uncut: which surfaces stay as they are. half: (x, y), what lies farther from the origin is not
-    cut. Nor is any more once there are ``_MOST_FACES``.
+    cut. Nor is any more once there are ``_MOST_FACES``. Returns the unit normals, (n, 3), as well.
     """
     n = len(mesh.owner)
-    corners = np.column_stack([mesh.vertices_m, mesh.uv, mesh.shade, mesh.normals, mesh.owner])
-    faces, fresh = (
-        mesh.faces,
-        np.flatnonzero(~np.array(uncut, dtype=bool)[mesh.owner[mesh.faces[:, 0]]]),
-    )
+    columns = (mesh.vertices_m, mesh.uv, mesh.shade, mesh.owner)
+    corners = np.column_stack([*columns, vertex_normals(mesh.vertices_m, mesh.faces)])
+    faces = mesh.faces.astype(np.int64)
+    fresh = np.flatnonzero(~np.array(uncut, dtype=bool)[mesh.owner[faces[:, 0]]])
     while len(fresh) and len(faces) < _MOST_FACES:
         points = corners[faces[fresh], :3]
         side = np.roll(points, -1, axis=1) - points
@@ -245,15 +198,25 @@ def _cut(mesh: _Mesh, uncut: Sequence[bool], half: NDArray[np.float64]) -> _Mesh
         faces[large] = np.column_stack([a, middle, c])
         fresh = np.concatenate([large, len(faces) + np.arange(len(large))])
         faces = np.concatenate([faces, np.column_stack([middle, b, c])])
-    vertices, uv, shade, normals, owner = np.split(corners, [3, 5, 8, 11], axis=1)
+    normals = corners[:, 9:].copy()
     normals[n:] /= np.maximum(np.linalg.norm(normals[n:], axis=1, keepdims=True), 1e-12)
-    single = (a.astype(np.float32) for a in (vertices, uv, shade))
-    vertices, uv, shade = single
-    return _Mesh(vertices, faces, uv, shade, normals, owner[:, 0].astype(np.int64))
+    vertices, uv, shade = np.split(corners[:, :8].astype(np.float32), [3, 5], axis=1)
+    owner = corners[:, 8].astype(np.int32)
+    return Joined(vertices, faces.astype(np.int32), uv, shade, mesh.texture, owner), normals
 
 
-def _rgb(shade: NDArray[np.float32]) -> NDArray[np.float32]:
-    return np.broadcast_to(shade.reshape(len(shade), -1), (len(shade), 3))
+def _parted(mesh: Joined, surfaces: Sequence[Surface]) -> Iterator[Surface]:
+    """The surfaces of a mesh, with the textures of those that it was joined of."""
+    order = np.argsort(mesh.owner, kind="stable")
+    place = np.argsort(order, kind="stable")
+    starts = np.searchsorted(mesh.owner[order], np.arange(len(surfaces) + 1))
+    faces_owner = mesh.owner[mesh.faces[:, 0]]
+    faces = place[mesh.faces[np.argsort(faces_owner, kind="stable")]]
+    faces_starts = np.searchsorted(np.sort(faces_owner), np.arange(len(surfaces) + 1))
+    for k, surface in enumerate(surfaces):
+        here = order[starts[k] : starts[k + 1]]
+        own = (faces[faces_starts[k] : faces_starts[k + 1]] - starts[k]).astype(np.int32)
+        yield Surface(mesh.vertices_m[here], own, mesh.uv[here], mesh.shade[here], surface.texture)
 
 
 def vertex_normals(

@@ -19,10 +19,7 @@ from vrchain.world.spec import LightSpec
 
 OPAQUE = 128  # alpha from which a texel is solid
 ROBOT_RADIUS_M = 0.4  # circle around a Pioneer P3-AT's 0.51 x 0.50 m footprint, and a little more
-_OBSTACLE_HEIGHT_M = (
-    0.05,
-    1.6,
-)  # what stands between these heights stops a robot or its camera mast
+_OBSTACLE_HEIGHT_M = (0.05, 1.6)  # what stands there stops a robot or its camera mast
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,6 +43,12 @@ class Surface:
     def cut_out(self) -> bool:
         """Whether it may be see-through in places."""
         return self.texture.shape[2] == 4
+
+    @property
+    def shade_rgb(self) -> NDArray[np.float32]:
+        """``shade`` as (n, 3)."""
+        shade = self.shade if self.shade.ndim == 2 else self.shade[:, None]
+        return np.broadcast_to(shade, (len(shade), 3))
 
     @property
     def digest(self) -> bytes:
@@ -86,17 +89,13 @@ class SceneObject:
         """Ground polygon (world frame) of the parts that a robot could bump into."""
         if self.outline is not None:
             return self.outline
-        triangles = np.concatenate([s.vertices_m[s.faces] for s in self.surfaces]).astype(float)
-        return ground_polygon(triangles)
+        triangles = np.concatenate([s.vertices_m[s.faces] for s in self.surfaces])
+        return ground_polygon(triangles.astype(float))
 
 
 def ground_polygon(triangles: NDArray[np.float64]) -> shapely.Geometry:
     """Convex polygon around what of triangles, (n, 3, 3) float, a robot could bump into."""
-    return shapely.MultiPoint(_between(triangles, *_OBSTACLE_HEIGHT_M)).convex_hull
-
-
-def _between(triangles: NDArray[np.float64], low_m: float, high_m: float) -> NDArray[np.float64]:
-    """Corners, (k, 2) float, of the parts of triangles, (n, 3, 3) float, between two heights."""
+    low_m, high_m = _OBSTACLE_HEIGHT_M
     start = triangles.reshape(-1, 3)
     end = np.roll(triangles, -1, axis=1).reshape(-1, 3)
     corners = [start[(start[:, 2] >= low_m) & (start[:, 2] <= high_m)]]
@@ -105,7 +104,13 @@ def _between(triangles: NDArray[np.float64], low_m: float, high_m: float) -> NDA
         a, b = start[cut], end[cut]
         share = (level - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
         corners.append(a + share * (b - a))
-    return np.concatenate(corners)[:, :2]
+    return shapely.MultiPoint(np.concatenate(corners)[:, :2]).convex_hull
+
+
+def size_of(points: NDArray[np.floating]) -> tuple[float, float, float]:
+    """Extent (x, y, z) of points, (n, 3)."""
+    x, y, z = np.ptp(points, axis=0)
+    return float(x), float(y), float(z)
 
 
 def place(
@@ -119,15 +124,14 @@ def place(
     solid: bool = True,
 ) -> SceneObject:
     """Put a model, its surfaces given in its own frame, at ``pose`` in the world."""
-    points = np.concatenate([s.vertices_m for s in surfaces])
-    x, y, z = (float(extent) for extent in np.ptp(points, axis=0))
+    size_m = size_of(np.concatenate([s.vertices_m for s in surfaces]))
     turn = rotation_z(pose.yaw_rad)
     offset = np.array([pose.x_m, pose.y_m, 0.0])
     moved = tuple(
         replace(s, vertices_m=(s.vertices_m.astype(float) @ turn.T + offset).astype(np.float32))
         for s in surfaces
     )
-    return SceneObject(name, kind, model, landmark, solid, (x, y, z), moved)
+    return SceneObject(name, kind, model, landmark, solid, size_m, moved)
 
 
 @dataclass(frozen=True, eq=False)
@@ -165,25 +169,25 @@ class Scene:
     ground_light: LightMap | None = None
     robots: tuple[tuple[str, Pose], ...] = ()
     goal: str | None = None
-    _names: dict[str, int] = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "_names", {o.name: i for i, o in enumerate(self.objects)})
 
     @cached_property
     def table(self) -> pd.DataFrame:
         """The model database, one row an object, indexed by object id."""
-        rows = []
-        for o in self.objects:
-            centre = o.bounds_m.mean(axis=0)
-            rows.append((o.name, o.kind, o.model, o.landmark, *centre, *o.size_m))
+        rows = [
+            (o.name, o.kind, o.model, o.landmark, *o.bounds_m.mean(axis=0), *o.size_m)
+            for o in self.objects
+        ]
         columns = ["name", "kind", "model", "landmark"]
         columns += ["centre_x_m", "centre_y_m", "centre_z_m", "size_x_m", "size_y_m", "size_z_m"]
         return pd.DataFrame(rows, columns=columns)
 
+    @cached_property
+    def _ids(self) -> dict[str, int]:
+        return {o.name: i for i, o in enumerate(self.objects)}
+
     def index_of(self, name: str) -> int:
         """Object id of a name; KeyError if there is none."""
-        return self._names[name]
+        return self._ids[name]
 
     @cached_property
     def _solids(self) -> tuple[list[SceneObject], shapely.STRtree]:

@@ -6,7 +6,7 @@ importer finds the same objects, season, light and sky again.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from xml.sax.saxutils import quoteattr
 
@@ -27,26 +27,7 @@ NAMESPACE = "urn:vrchain:sdf"
 _WORDS = {True: "true", False: "false"}
 
 
-@dataclass(frozen=True, eq=False)
-class _Placed:
-    """An object to be written: its design's name and surfaces, in its own frame, and its pose."""
-
-    name: str
-    kind: str
-    model: str
-    landmark: bool
-    solid: bool
-    surfaces: tuple[Surface, ...]
-    pose: Pose
-
-
-def check_suburb(spec: SceneSpec) -> None:
-    """Raise SpecError unless the spec is of a layout that can be written as SDF."""
-    if spec.layout != "suburb":
-        raise SpecError(
-            f"expected the layout 'suburb' for a Gazebo world, got {spec.layout!r}: "
-            "write it as .glb instead"
-        )
+_Placed = tuple[SceneObject, Pose]  # an object in its design's frame, and its place
 
 
 def export_world(spec: SceneSpec, path: str | Path) -> None:
@@ -57,7 +38,11 @@ def export_world(spec: SceneSpec, path: str | Path) -> None:
     target = Path(path)
     if target.suffix.lower() != SUFFIX:
         raise OutputError(f"expected a file name that ends in {SUFFIX}, got {path}")
-    check_suburb(spec)
+    if spec.layout != "suburb":
+        raise SpecError(
+            f"expected the layout 'suburb' for a Gazebo world, got {spec.layout!r}: "
+            "write it as .glb instead"
+        )
     if not spec.name.isprintable():
         raise SpecError(
             f"expected a name that XML can hold, without control characters, got {spec.name!r}"
@@ -68,37 +53,27 @@ def export_world(spec: SceneSpec, path: str | Path) -> None:
 
 def world_files(spec: SceneSpec, world: str) -> Iterator[tuple[str, bytes]]:
     """The files of a suburb by their paths: those of its models, at last the world."""
-    things = [*_standing(spec), *map(_lying, floor(spec))]
-    prefix = _prefix(spec)
-    folders = {thing.model: f"{prefix}_{thing.model}" for thing in things}
-    pictures: dict[int, tuple[str, str]] = {}  # of each texture, the folder and file it is in
-    written: set[str] = set()
-    for thing in things:
-        if thing.model not in written:
-            written.add(thing.model)
-            for name, content in _model_files(folders[thing.model], thing, pictures):
-                yield f"models/{folders[thing.model]}/{name}", content
-    yield world, _world(spec, things, folders).encode()
-
-
-def _prefix(spec: SceneSpec) -> str:
-    """What the models' folders begin with: no other spec's do, so worlds may share a folder."""
+    things: list[_Placed] = [
+        (SceneObject(p.name, p.kind, p.model, True, True, (0.0, 0.0, 0.0), surfaces), p.pose)
+        for p, surfaces in designs(spec)
+    ]
+    things += [(thing, Pose(0.0, 0.0)) for thing in floor(spec)]
+    # No other spec's models begin like this, so worlds may share a folder.
     named = "".join(c if c.isalnum() else "_" for c in spec.name)
-    return f"{named}_{name_of(asdict(spec))[:8]}"
-
-
-def _standing(spec: SceneSpec) -> Iterator[_Placed]:
-    for p, surfaces in designs(spec):
-        yield _Placed(p.name, p.kind, p.model, True, True, surfaces, p.pose)
-
-
-def _lying(thing: SceneObject) -> _Placed:
-    kept = (thing.name, thing.kind, thing.model, thing.landmark, thing.solid, thing.surfaces)
-    return _Placed(*kept, Pose(0.0, 0.0))
+    prefix = f"{named}_{name_of(asdict(spec))[:8]}"
+    pictures: dict[int, tuple[str, str]] = {}  # of each texture, the folder and file it is in
+    models: dict[str, SceneObject] = {}
+    for thing, _ in things:
+        models.setdefault(thing.model, thing)
+    for model, thing in models.items():
+        folder = f"{prefix}_{model}"
+        for name, content in _model_files(folder, thing, pictures):
+            yield f"models/{folder}/{name}", content
+    yield world, _world(spec, things, prefix).encode()
 
 
 def _model_files(
-    folder: str, thing: _Placed, pictures: dict[int, tuple[str, str]]
+    folder: str, thing: SceneObject, pictures: dict[int, tuple[str, str]]
 ) -> Iterator[tuple[str, bytes]]:
     """A model's files; ``pictures`` tells which are written already, and where."""
     scripts, visuals = [], []
@@ -122,20 +97,16 @@ def _model_files(
         )
     yield "meshes/mesh.obj", "".join(_obj(thing.surfaces)).encode()
     yield "materials/scripts/model.material", "\n".join(scripts).encode()
-    collision = (
-        '<collision name="c"><geometry><mesh>'
-        f"<uri>model://{folder}/meshes/mesh.obj</uri></mesh></geometry></collision>"
-    )
-    lines = "\n".join([*visuals, collision])
-    ours = (
-        f'<vrchain:object kind="{thing.kind}" model="{thing.model}" '
-        f'landmark="{_WORDS[thing.landmark]}" solid="{_WORDS[thing.solid]}"/>'
-    )
+    lines = "\n".join(visuals)
     yield (
         "model.sdf",
         f'<?xml version="1.0"?>\n<sdf version="1.6" xmlns:vrchain="{NAMESPACE}">\n'
-        f'<model name="{folder}"><static>true</static>\n{ours}\n'
-        f'<link name="link">\n{lines}\n</link></model>\n</sdf>\n'.encode(),
+        f'<model name="{folder}"><static>true</static>\n'
+        f'<vrchain:object kind="{thing.kind}" model="{thing.model}" '
+        f'landmark="{_WORDS[thing.landmark]}" solid="{_WORDS[thing.solid]}"/>\n'
+        f'<link name="link">\n{lines}\n<collision name="c"><geometry><mesh>'
+        f"<uri>model://{folder}/meshes/mesh.obj</uri></mesh></geometry></collision>"
+        "\n</link></model>\n</sdf>\n".encode(),
     )
     yield (
         "model.config",
@@ -148,10 +119,7 @@ def _obj(surfaces: Iterable[Surface]) -> Iterator[str]:
     """Surfaces as OBJ, a group each; shades are vertex colours. Numbers keep every bit."""
     first = 1
     for number, surface in enumerate(surfaces):
-        shade = np.broadcast_to(
-            surface.shade.reshape(len(surface.shade), -1), (len(surface.shade), 3)
-        )
-        yield from _lines("v", np.concatenate([surface.vertices_m, shade], axis=1))
+        yield from _lines("v", np.concatenate([surface.vertices_m, surface.shade_rgb], axis=1))
         yield from _lines("vt", surface.uv)
         yield f"g part_{number}\n"
         for a, b, c in (surface.faces + first).tolist():
@@ -169,7 +137,7 @@ def _png(texture: NDArray[np.uint8]) -> bytes:
     return cv2.imencode(".png", texture[..., order])[1].tobytes()
 
 
-def _world(spec: SceneSpec, things: Iterable[_Placed], folders: dict[str, str]) -> str:
+def _world(spec: SceneSpec, things: Iterable[_Placed], prefix: str) -> str:
     x, y, z = (-sunlight(spec.light).direction).tolist()
     light = spec.light
     lines = [
@@ -182,10 +150,9 @@ def _world(spec: SceneSpec, things: Iterable[_Placed], folders: dict[str, str]) 
         f'time="{light.time}" sun_azimuth_deg="{light.sun_azimuth_deg!r}" '
         f'sun_elevation_deg="{light.sun_elevation_deg!r}" ambient="{light.ambient!r}"/>',
     ]
-    for thing in things:
-        lines.append(
-            f"<include><name>{thing.name}</name><uri>model://{folders[thing.model]}</uri>"
-            f"<pose>{thing.pose.x_m!r} {thing.pose.y_m!r} 0 0 0 {thing.pose.yaw_rad!r}</pose>"
-            "</include>"
-        )
+    lines += [
+        f"<include><name>{thing.name}</name><uri>model://{prefix}_{thing.model}</uri>"
+        f"<pose>{pose.x_m!r} {pose.y_m!r} 0 0 0 {pose.yaw_rad!r}</pose></include>"
+        for thing, pose in things
+    ]
     return "\n".join([*lines, "</world>", "</sdf>", ""])

@@ -170,9 +170,13 @@ def load_spec(path: str | Path) -> SceneSpec:
 
 def parse_spec(document: dict[str, Any]) -> SceneSpec:
     """A spec from its keys; what is left out takes its default. Raises SpecError."""
-    spec = _read(SceneSpec, {**document, **_lit(document)}, "")
-    if spec.layout == "barn":
-        _check_barn(document)
+    light = document.get("light")
+    if isinstance(light, dict) and light.get("time") in tuple(_TIMES):
+        document = {**document, "light": {**_TIMES[light["time"]], **light}}
+    spec = _read(SceneSpec, document, "")
+    given = [key for key in document if key in _SUBURB_ONLY]
+    if spec.layout == "barn" and given:
+        raise SpecError(f"{given[0]}: the layout 'barn' has a plan of its own, leave it out")
     area = spec.extent_m[0] * spec.extent_m[1]
     for key, least in _LEAST_AREA_M2.items():
         count, most = getattr(spec, key).count, int(area / least)
@@ -181,21 +185,6 @@ def parse_spec(document: dict[str, Any]) -> SceneSpec:
                 f"{key}.count: {count} cannot be placed on {area:g} m2, allowed 0..{most}"
             )
     return spec
-
-
-def _lit(document: dict[str, Any]) -> dict[str, Any]:
-    """The light of a document with what its time of day sets, where the document does not."""
-    given = document.get("light")
-    if not isinstance(given, dict) or given.get("time") not in tuple(_TIMES):
-        return {}
-    return {"light": {**_TIMES[given["time"]], **given}}
-
-
-def _check_barn(document: dict[str, Any]) -> None:
-    """The barn's plan is given: numbers and sizes of a suburb's things would go unheeded."""
-    for key in document:
-        if key in _SUBURB_ONLY:
-            raise SpecError(f"{key}: the layout 'barn' has a plan of its own, leave it out")
 
 
 def _read(cls: type[_Spec], document: Any, prefix: str) -> _Spec:

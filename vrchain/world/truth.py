@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
 from vrchain.panorama import CameraRig
-from vrchain.world.atlas import Joined, pack
+from vrchain.world.atlas import Joined, join, pack
 from vrchain.world.model import OPAQUE, Scene
 from vrchain.world.things import pioneer
 
@@ -53,20 +53,20 @@ class GroundTruth:
         self._to_tensor = o3d.core.Tensor
         self._caster: Any = o3d.t.geometry.RaycastingScene(nthreads=0)
         surfaces = [(i, s) for i, o in enumerate(scene.objects) for s in o.surfaces]
-        cut_out = pack([s for _, s in surfaces if s.cut_out])  # as drawn, so the same texels
-        cut_out_id = np.array([i for i, s in surfaces if s.cut_out], dtype=np.int32)
-        pieces = [(s, np.full(len(s.faces), i)) for i, s in surfaces if not s.cut_out]
-        pieces += [(s, cut_out_id[s.owner[s.faces[:, 0]]]) for s in cut_out]
-        first = np.cumsum([0, *(len(s.vertices_m) for s, _ in pieces)])
-        vertices = [s.vertices_m for s, _ in pieces]
-        faces = [s.faces + n for (s, _), n in zip(pieces, first[:-1], strict=True)]
-        owner = np.concatenate([*(ids for _, ids in pieces), [SKY]])
-        self._owner = owner.astype(np.int32)
-        self._texels = _Texels(cut_out)
-        self._first_cut_out = len(owner) - 1 - sum(len(s.faces) for s in cut_out)
+        opaque = [(i, s) for i, s in surfaces if not s.cut_out]
+        cut_out = [(i, s) for i, s in surfaces if s.cut_out]
+        packed = pack([s for _, s in cut_out])  # as drawn, so the same texels
+        pieces = [(join([s for _, s in opaque]), opaque), *((piece, cut_out) for piece in packed)]
+        object_ids = [
+            np.array([i for i, _ in of], dtype=np.int32)[piece.owner[piece.faces[:, 0]]]
+            for piece, of in pieces
+        ]
+        self._owner = np.concatenate([*object_ids, np.array([SKY], dtype=np.int32)])
+        self._first_cut_out = len(object_ids[0])
+        self._texels = _Texels(packed)
+        whole = join([piece for piece, _ in pieces])
         self._caster.add_triangles(
-            self._to_tensor(np.concatenate(vertices).astype(np.float32)),
-            self._to_tensor(np.concatenate(faces).astype(np.uint32)),
+            self._to_tensor(whole.vertices_m), self._to_tensor(whole.faces.astype(np.uint32))
         )
 
     def cast(

@@ -1,17 +1,14 @@
 """The small world of our own making in ``scenes/``: a bit of all that Gazebo's models do."""
 
+import json
 import warnings
 from collections import Counter
 
 import pytest
 import worlds
 
-from vrchain.experiments.landmarks.pairs import draw_poses
 from vrchain.paths import SCENES
-from vrchain.seeding import generator
 from vrchain.world import Scene, load_scene
-from vrchain.world.render import Renderer
-from vrchain.world.truth import GroundTruth
 
 CROSSING = SCENES / "crossing" / "crossing.world"
 
@@ -33,21 +30,15 @@ def test_its_objects(scene: Scene) -> None:
     assert {o.kind for o in scene.objects if not o.landmark} == {"ground"}
 
 
-def test_ids_of_ray_caster_and_renderer_agree(scene: Scene) -> None:
-    renderer, truth = Renderer(scene), GroundTruth(scene)
-    for pose in draw_poses(scene, 2, generator(3001)):
-        seen = renderer.segmentation(pose, worlds.SMALL_RIG)
-        assert (seen == truth.look(pose, worlds.SMALL_RIG)[0]).mean() >= 0.995
-
-
 def test_the_seed_changes_nothing() -> None:
     assert load_scene(CROSSING, seed=3).table.equals(load_scene(CROSSING, seed=4).table)
 
 
 def test_the_same_bytes_in_two_processes() -> None:
     code = (
-        "import json; from suburbs import digest; from vrchain.world import load_scene;"
+        "import json; from test_suburb import digest; from vrchain.world import load_scene;"
         f"print(json.dumps(digest(load_scene({str(CROSSING)!r}))))"
     )
-    first, second = worlds.in_two_processes(code)
+    path = f"import sys; sys.path.insert(0, {json.dumps(str(worlds.ROOT / 'tests' / 'world'))});"
+    first, second = worlds.in_two_processes(path + code)
     assert first == second

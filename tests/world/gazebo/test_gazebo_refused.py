@@ -10,13 +10,14 @@ from pathlib import Path
 
 import gazebo_files as gz
 import pytest
-from gazebo_files import box, include, mesh, model, visual, world, write
+from gazebo_files import CUBE, box, include, mesh, model, visual, world, write
+from gazebo_files import no_folders as no_folders
 
 from vrchain.errors import SpecError
 from vrchain.world import load_scene
-from vrchain.world.gazebo import designs, limits, primitives
+from vrchain.world.gazebo import designs
+from vrchain.world.gazebo.sdf import MOST_MODELS
 
-CRATE = model(visual(box("1 1 1")))
 BOMB = (
     '<!DOCTYPE b [<!ENTITY a "aaaaaaaaaa">'
     + "".join(
@@ -26,15 +27,10 @@ BOMB = (
 )
 
 
-@pytest.fixture(autouse=True)
-def no_folders(monkeypatch: pytest.MonkeyPatch) -> None:
-    for variable in ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH"):
-        monkeypatch.delenv(variable, raising=False)
+CRATE = model(CUBE)
 
 
-def refused(
-    folder: Path, document: str | bytes, files: dict[str, str | bytes] | None = None
-) -> str:
+def refused(folder: Path, document: str | bytes, files: gz.Files | None = None) -> str:
     """The one line that a world is refused with, in seconds."""
     write(folder, {"worlds/test.world": document, **(files or {})})
     start_s = time.monotonic()
@@ -76,7 +72,7 @@ def refused(
          ["test.world:1: <pose>", "within 100 km"]),
         (world('<model name="m"><link name="l"><visual name="v"><geometry><heightmap/></geometry>'
                "</visual></link></model>"), ["nothing in this world", "heightmaps: 1"]),
-        (world(gz.GROUND_MODEL + model(visual(box("1 1 1")), pose="900 900 0 0 0 0")),
+        (world(gz.GROUND_MODEL + model(CUBE, pose="900 900 0 0 0 0")),
          ["test.world", "300 m of the origin", "x in 899.5..900.5"]),
         (world(model(visual(box("1 -1 1")))), ["<size>", "more than 0"]),
         (world(model(visual("<box/>"))), ["<box>", "<size>"]),
@@ -137,7 +133,7 @@ def test_no_file_and_a_folder(tmp_path: Path) -> None:
      "model://m/../../secret"],
 )  # fmt: skip
 def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
-    files: dict[str, str | bytes] = {
+    files: gz.Files = {
         "secret/model.sdf": f"<sdf>{CRATE}</sdf>",
         **gz.folder_of("m", CRATE),
     }
@@ -151,21 +147,20 @@ def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
 
 def test_links_that_leave_the_model_folders(tmp_path: Path) -> None:
     write(tmp_path, {"secret/a.dae": gz.dae(), "secret/p.png": gz.png((1, 2, 3))})
-    shown = model(visual(mesh("a.dae")))
-    write(tmp_path, gz.folder_of("m", shown))
-    (tmp_path / "models" / "m" / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
-    message = refused(tmp_path, world(include("model://m")))
-    assert "'a.dae' leads out of the model folders" in message
-    (tmp_path / "models" / "m" / "a.dae").unlink()
-    (tmp_path / "models" / "m" / "p.png").symlink_to(tmp_path / "secret" / "p.png")
-    files: dict[str, str | bytes] = {"models/m/a.dae": gz.dae(picture="p.png")}
-    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+    inside, document = tmp_path / "models" / "m", world(include("model://m"))
+    write(tmp_path, gz.folder_of("m", model(visual(mesh("a.dae")))))
+    (inside / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
+    assert "'a.dae' leads out of the model folders" in refused(tmp_path, document)
+    (inside / "a.dae").unlink()
+    (inside / "p.png").symlink_to(tmp_path / "secret" / "p.png")
+    files: gz.Files = {"models/m/a.dae": gz.dae(picture="p.png")}
+    assert "leads out" in refused(tmp_path, document, files)
     files = {
         "models/m/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
         "models/m/a.mtl": "newmtl A\nmap_Kd ../../../secret/p.png\n",
         **gz.folder_of("m", model(visual(mesh("a.obj")))),
     }
-    assert "leads out" in refused(tmp_path, world(include("model://m")), files)
+    assert "leads out" in refused(tmp_path, document, files)
 
 
 def test_includes_that_include_themselves(tmp_path: Path) -> None:
@@ -177,28 +172,24 @@ def test_includes_that_include_themselves(tmp_path: Path) -> None:
     assert re.search(r"b/model\.sdf:2: <include>: model://a includes itself", message)
 
 
-def test_includes_that_multiply(tmp_path: Path) -> None:
-    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
-    for k in range(1, 12):
-        ten = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(10))
-        files |= gz.folder_of(f"m{k}", f'<model name="m{k}">{ten}</model>')
-    message = refused(tmp_path, world(include("model://m11")), files)
-    assert f"at most {limits.MOST_MODELS} models" in message
-
-
-def test_includes_that_go_deep(tmp_path: Path) -> None:
-    files: dict[str, str | bytes] = dict(gz.folder_of("m0", CRATE))
-    for k in range(1, 40):
-        files |= gz.folder_of(f"m{k}", f'<model name="m">{include(f"model://m{k - 1}")}</model>')
-    assert "deep in one another" in refused(tmp_path, world(include("model://m39")), files)
+@pytest.mark.parametrize(
+    ("n", "times", "part"),
+    [(11, 10, f"at most {MOST_MODELS} models"), (39, 1, "deep in one another")],
+)
+def test_includes_that_multiply_or_go_deep(tmp_path: Path, n: int, times: int, part: str) -> None:
+    files = gz.folder_of("m0", CRATE)
+    for k in range(1, n + 1):
+        body = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(times))
+        files |= gz.folder_of(f"m{k}", f'<model name="m">{body}</model>')
+    assert part in refused(tmp_path, world(include(f"model://m{n}")), files)
 
 
 def test_more_triangles_than_a_world_may_have(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[str] = []
-    build = primitives.build
-    monkeypatch.setattr(primitives, "build", lambda e: (drawn.append(e.tag), build(e))[1])
+    build = designs.primitive
+    monkeypatch.setattr(designs, "primitive", lambda e: (drawn.append(e.tag), build(e))[1])
     monkeypatch.setattr(designs, "MOST_TRIANGLES", 50_000)
     ball = visual("<sphere><radius>1</radius></sphere>")
     message = refused(tmp_path, world(model("\n" + ball * 20_000)))
@@ -282,19 +273,24 @@ def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str
     assert [p for p in parts if p not in message] == []
 
 
-def refused_material(tmp_path: Path, line: str) -> str:
-    """What is said of an OBJ whose material file holds such a line."""
-    files: dict[str, str | bytes] = {
+@pytest.mark.parametrize(
+    ("line", "parts"),
+    [
+        ("Kd nan 0 0", ["a.mtl:2: expected", "numbers"]),
+        ("Kd 1 x 0", ["a.mtl:2: expected", "numbers"]),
+        ("Kd 1 0", ["a.mtl:2: expected", "numbers"]),
+        ("map_Kd /a\0b.png", ["test.world:1: <mesh>", "zero byte"]),
+        ("map_Kd a%00b.png", ["test.world:1: <mesh>", "zero byte"]),
+        ("map_Kd %2e%2e/%2e%2e/p.png", ["test.world:1: <mesh>", "leads out of the model folders"]),
+    ],
+)
+def test_material_files_of_a_mesh(tmp_path: Path, line: str, parts: list[str]) -> None:
+    files = {
         "worlds/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
         "worlds/a.mtl": f"newmtl A\n{line}\n",
     }
-    return refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
-
-
-@pytest.mark.parametrize("words", ["nan 0 0", "1 x 0", "1 0"])
-def test_colours_of_a_mesh(tmp_path: Path, words: str) -> None:
-    message = refused_material(tmp_path, f"Kd {words}")
-    assert "a.mtl:2: expected" in message and "numbers" in message
+    message = refused(tmp_path, world(model(visual(mesh("a.obj")))), files)
+    assert [p for p in parts if p not in message] == []
 
 
 @pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1e7 1e7 1e7", "1 1"])
@@ -329,7 +325,7 @@ def wide_png(width_px: int, height_px: int) -> bytes:
     ],
 )
 def test_pictures(tmp_path: Path, content: bytes, part: str) -> None:
-    files: dict[str, str | bytes] = {
+    files: gz.Files = {
         "worlds/a.dae": gz.dae(picture="p.png"),
         "worlds/p.png": content,
     }
@@ -348,24 +344,11 @@ def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     assert "test.world: expected at most 1 MiB" in refused(tmp_path, " " * ((1 << 20) + 1))
 
 
-@pytest.mark.parametrize("name", ["/a\0b.png", "a%00b.png", "%2e%2e/%2e%2e/p.png"])
-def test_pictures_by_odd_names(tmp_path: Path, name: str) -> None:
-    message = refused_material(tmp_path, f"map_Kd {name}")
-    assert "test.world:1: <mesh>" in message
-    assert "zero byte" in message or "leads out of the model folders" in message
-
-
 def test_a_broken_script(tmp_path: Path) -> None:
-    files: dict[str, str | bytes] = {
+    material = "<material><script><name>A</name></script></material>"
+    files: gz.Files = {
         "models/m/materials/scripts/a.material": "material A\n{\n" + "{\n" * 99,
-        **gz.folder_of(
-            "m",
-            model(
-                visual(
-                    box("1 1 1"), material="<material><script><name>A</name></script></material>"
-                )
-            ),
-        ),
+        **gz.folder_of("m", model(visual(box("1 1 1"), material=material))),
     }
     message = refused(tmp_path, world(include("model://m")), files)
     assert "a.material: braces" in message

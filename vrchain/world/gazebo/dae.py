@@ -1,12 +1,107 @@
-"""COLLADA files, looked at before pycollada takes them for something else or fills memory."""
+"""COLLADA files, read by pycollada.
 
+They are looked at before it takes them for something else or fills memory.
+"""
+
+import io
 import math
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
+from vrchain.world.gazebo.materials import Look
+from vrchain.world.gazebo.parts import MOST_MESH_TRIANGLES, MeshFile, Part, moved
+from vrchain.world.gazebo.scripts import HALF
+from vrchain.world.gazebo.xml import check
+
+MOST_MESH_NODES = 20_000  # every use of one counted
+_UPRIGHT: dict[str, NDArray[np.float64]] = {
+    "Y_UP": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
+    "X_UP": np.array([[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
+}
+
+
+class Collada(MeshFile):
+    """A COLLADA file."""
+
+    def parts(self, data: bytes) -> list[Part]:
+        """What it shows, in metres, z up. Raises SpecError."""
+        import collada
+
+        check(data, self.file)
+        unit_m, up_axis = check_collada(data, self.file)
+        document = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
+        base = np.diag([unit_m, unit_m, unit_m, 1.0])
+        if up_axis in _UPRIGHT:
+            base = base @ _UPRIGHT[up_axis]
+            self.notes.add("COLLADA meshes that were turned upright", self.file.name)
+        for error in document.errors:
+            self.notes.add("broken parts of COLLADA meshes, left out", f"{self.file.name}: {error}")
+        nodes = [] if document.scene is None else document.scene.nodes
+        found = list(self._shown(nodes, base))
+        if document.errors and not found:
+            raise SpecError(f"{self.file}: expected a COLLADA mesh, got {document.errors[0]}")
+        return found
+
+    def _shown(self, nodes: Sequence[Any], base: NDArray[np.float64]) -> Iterator[Part]:
+        """The parts that nodes show, by ``base`` to the mesh's frame in metres."""
+        import collada
+
+        looks: dict[str, Look] = {}
+        triangles = 0
+        for used, (node, matrix, name) in enumerate(_unfolded(nodes, base), start=1):
+            if used > MOST_MESH_NODES:
+                raise SpecError(f"{self.file}: expected at most {MOST_MESH_NODES} nodes in use")
+            if isinstance(node, collada.scene.ControllerNode):
+                self.notes.add("animated meshes, drawn as they are at rest", self.file.name)
+                geometry, matrix = _at_rest(node.controller, base, matrix)
+            elif isinstance(node, collada.scene.GeometryNode):
+                geometry = node.geometry
+            else:
+                continue
+            materials = {m.symbol: m.target for m in node.materials}
+            for primitive in geometry.primitives:
+                if isinstance(primitive, collada.polylist.Polylist):  # polygons, too
+                    primitive = primitive.triangleset()
+                if not isinstance(primitive, collada.triangleset.TriangleSet):
+                    self.notes.add("lines in meshes", self.file.name)
+                    continue
+                if primitive.vertex is None or not len(primitive.vertex_index):
+                    continue
+                triangles += len(primitive.vertex_index)
+                if triangles > MOST_MESH_TRIANGLES:
+                    raise SpecError(
+                        f"{self.file}: expected at most {MOST_MESH_TRIANGLES} triangles"
+                    )
+                _check_numbers(primitive, self.file)
+                material = materials.get(primitive.material)
+                key = "" if material is None else material.id
+                if key not in looks:
+                    looks[key] = self._look(material)
+                yield moved(_triangles(primitive, name, looks[key]), matrix)
+
+    def _look(self, material: Any) -> Look:
+        import collada
+
+        if material is None or material.effect is None or material.effect.diffuse is None:
+            return Look()
+        effect = material.effect
+        if isinstance(effect.diffuse, collada.material.Map):
+            path = effect.diffuse.sampler.surface.image.path
+            picture = self.materials.picture(path, self.element, [self.file.parent])
+            masked = isinstance(effect.transparent, collada.material.Map)
+            return Look(picture=picture, solid_above=HALF if masked else None)
+        r, g, b = (float(v) for v in effect.diffuse[:3])
+        if not np.isfinite((r, g, b)).all():
+            raise SpecError(
+                f"{self.file}: the colour of the effect {effect.id!r} is no finite number"
+            )
+        return Look((r, g, b))
 
 
 def check_collada(data: bytes, file: Path) -> tuple[float, str]:
@@ -16,34 +111,26 @@ def check_collada(data: bytes, file: Path) -> tuple[float, str]:
     """
     root = ElementTree.fromstring(data)
     for geometry in root.iterfind("{*}library_geometries/{*}geometry"):
+        where = f"{file}: the geometry {geometry.get('id', '')!r}"
         for mesh in geometry.iterfind("{*}mesh"):
-            where = f"{file}: the geometry {geometry.get('id', '')!r}"
-            _check_sources(mesh, where)
+            known = {f"#{source.get('id')}" for source in mesh.iterfind("{*}source")}
+            for given in mesh.iterfind("{*}vertices/{*}input"):
+                if given.get("source") not in known:
+                    raise SpecError(
+                        f"{where}: its <vertices> name the source "
+                        f"{given.get('source', '')[:60]!r}, which it does not have"
+                    )
             for polygons in mesh.iterfind("{*}polylist"):
                 _check_counts(polygons, where)
-    up_axis = root.findtext("{*}asset/{*}up_axis") or ""
-    return _unit_m(root.find("{*}asset/{*}unit"), file), up_axis.strip()
-
-
-def _unit_m(unit: ElementTree.Element | None, file: Path) -> float:
-    given = "1" if unit is None else unit.get("meter", "1")
+    unit = root.find("{*}asset/{*}unit")
+    meter = "1" if unit is None else unit.get("meter", "1")
     try:
-        unit_m = float(given)
+        unit_m = float(meter)
     except ValueError:
         unit_m = math.nan
     if not 0 < unit_m < math.inf:
-        raise SpecError(f'{file}: <unit meter="{given[:60]}">: expected metres, more than 0')
-    return unit_m
-
-
-def _check_sources(mesh: ElementTree.Element, where: str) -> None:
-    known = {f"#{source.get('id')}" for source in mesh.iterfind("{*}source")}
-    for given in mesh.iterfind("{*}vertices/{*}input"):
-        if given.get("source") not in known:
-            raise SpecError(
-                f"{where}: its <vertices> name the source {given.get('source', '')[:60]!r}, "
-                "which it does not have"
-            )
+        raise SpecError(f'{file}: <unit meter="{meter[:60]}">: expected metres, more than 0')
+    return unit_m, (root.findtext("{*}asset/{*}up_axis") or "").strip()
 
 
 def _check_counts(polygons: ElementTree.Element, where: str) -> None:
@@ -64,3 +151,68 @@ def _check_counts(polygons: ElementTree.Element, where: str) -> None:
             f"{where}: the <vcount> of its <polylist> names {named:.0f} indices, its <p> has "
             f"{len(indices)}"
         )
+
+
+def _unfolded(
+    nodes: Sequence[Any], matrix: NDArray[np.float64], name: str = ""
+) -> Iterator[tuple[Any, NDArray[np.float64], str]]:
+    """Nodes and what they hold: each, its matrix to the file's frame, and its parent's name."""
+    import collada
+
+    for node in nodes:
+        yield node, matrix, name
+        if isinstance(node, collada.scene.NodeNode):
+            node = node.node
+        if isinstance(node, collada.scene.Node):
+            below = matrix @ np.asarray(node.matrix, dtype=float)
+            yield from _unfolded(node.children, below, node.name or node.id or "")
+
+
+def _at_rest(
+    controller: Any, base: NDArray[np.float64], matrix: NDArray[np.float64]
+) -> tuple[Any, NDArray[np.float64]]:
+    """The geometry that is animated, and its matrix; bones carry a skin, so its node does not."""
+    import collada
+
+    if isinstance(controller, collada.controller.Skin):
+        return controller.geometry, base @ np.asarray(controller.bind_shape_matrix, dtype=float)
+    return controller.source_geometry, matrix
+
+
+def _check_numbers(primitive: Any, file: Path) -> None:
+    """Raise SpecError for what is no number, where pycollada puts 0, and for negative indices."""
+    for kind, what in (("VERTEX", "corner"), ("TEXCOORD", "texture coordinate")):
+        for *_, source in primitive.sources.get(kind, [])[:1]:
+            for array in source.xmlnode.iter():
+                if array.tag.endswith("float_array") and "nan" in (array.text or "").lower():
+                    raise SpecError(f"{file}: a {what} in {source.id!r} is not a finite number")
+    for used in (primitive.vertex_index, primitive.normal_index, *primitive.texcoord_indexset[:1]):
+        if used is not None and used.min() < 0:
+            named = primitive.sources["VERTEX"][0][4].id
+            raise SpecError(f"{file}: a face on {named!r} has an index of {used.min()}, below 0")
+
+
+def _triangles(primitive: Any, name: str, look: Look) -> Part:
+    """A set of triangles; corners alike in place, normal and texture coordinates are shared.
+
+    Faces whose corners run against their normals are turned.
+    """
+    place = np.asarray(primitive.vertex_index, dtype=np.int64)
+    vertices = np.asarray(primitive.vertex, dtype=float)
+    columns, against = [place], np.zeros(len(place), dtype=bool)
+    if primitive.normal is not None and primitive.normal_index is not None:
+        normal = np.asarray(primitive.normal_index, dtype=np.int64)
+        columns.append(normal)
+        a, b, c = np.moveaxis(vertices[place], 1, 0)
+        facing = np.asarray(primitive.normal, dtype=float)[normal].sum(axis=1)
+        against = np.einsum("ij,ij->i", np.cross(b - a, c - a), facing) < 0
+    if len(primitive.texcoordset):
+        columns.append(np.asarray(primitive.texcoord_indexset[0], dtype=np.int64))
+    keys = np.stack([column.ravel() for column in columns], axis=1)
+    corners, shared = np.unique(keys, axis=0, return_inverse=True)
+    uv = None
+    if len(primitive.texcoordset):
+        uv = np.asarray(primitive.texcoordset[0], dtype=float)[:, :2][corners[:, -1]]
+    faces = shared.reshape(-1, 3)
+    faces[against] = faces[against][:, ::-1]
+    return Part(vertices[corners[:, 0]], faces, uv, look, name)

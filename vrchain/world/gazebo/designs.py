@@ -1,25 +1,27 @@
 """Models made into surfaces: what a visual shows, what kind a model is, which are twins."""
 
 import hashlib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo import kinds, primitives
+from vrchain.world.atlas import join_by_texture
+from vrchain.world.gazebo import kinds
+from vrchain.world.gazebo.files import Notes
+from vrchain.world.gazebo.frames import Matrix, Model, Visual
 from vrchain.world.gazebo.ground import depth, is_wide, level_m, plane_of
-from vrchain.world.gazebo.limits import MODEL_SIZE_M, MOST_TRIANGLES
-from vrchain.world.gazebo.materials import Colour, Look, Materials
-from vrchain.world.gazebo.meshes import Meshes, Part, moved
-from vrchain.world.gazebo.notes import Notes
-from vrchain.world.gazebo.sdf import Model, Visual, all_visuals
-from vrchain.world.gazebo.sheets import apart
+from vrchain.world.gazebo.materials import Look, Materials
+from vrchain.world.gazebo.meshes import Meshes
+from vrchain.world.gazebo.parts import PRIMITIVES, Part, apart, moved, plane, primitive
+from vrchain.world.gazebo.scripts import Colour
 from vrchain.world.gazebo.xml import Element
-from vrchain.world.model import SceneObject, Surface
+from vrchain.world.model import SceneObject, Surface, size_of
 
-_Matrix = NDArray[np.float64]
+MOST_TRIANGLES = 6_000_000  # of a world
+MODEL_SIZE_M = (1e-3, 2000.0)
 _SHEET_M = 1000.0  # to which other planes are cut: no view shows more
 _RUN_M = 8.0  # a longer fence, wall or hedge is no landmark
 _NO_LANDMARK = ("ground", "robot", "person")
@@ -30,10 +32,10 @@ _UNDRAWN = ("heightmap", "image", "polyline")
 
 
 @dataclass(frozen=True, eq=False)
-class _Ground:
+class Ground:
     """The plane that goes on as far as the world. matrix: (4, 4) to its model's frame."""
 
-    matrix: _Matrix
+    matrix: Matrix
     size_m: NDArray[np.float64]
     look: Look
 
@@ -48,7 +50,7 @@ class Design:
 
     name: str
     surfaces: tuple[Surface, ...]
-    ground: tuple[_Ground, ...]
+    ground: tuple[Ground, ...]
     size_m: tuple[float, float, float]
     kind: str
     landmark: bool
@@ -62,21 +64,21 @@ class Designs:
 
     def __init__(self, materials: Materials, notes: Notes, ground: Element | None) -> None:
         """ground: the <visual> that shows it."""
-        self._materials, self._notes, self._ground = materials, notes, ground
+        self._materials, self._notes, self._shows_ground = materials, notes, ground
         self._meshes = Meshes(materials, notes)
-        self._made: dict[int, tuple[Model, Design | None]] = {}
-        self._names: dict[str, str] = {}
+        self._made: dict[Model, Design | None] = {}
+        self._names: dict[bytes, str] = {}
         self._taken: dict[str, int] = {}
         self._triangles = 0  # of all that is drawn so far
 
     def of(self, model: Model) -> Design | None:
         """A model's design; None if nothing of it is drawn."""
-        if id(model) not in self._made:
-            self._made[id(model)] = (model, self._make(model))
-        return self._made[id(model)][1]
+        if model not in self._made:
+            self._made[model] = self._make(model)
+        return self._made[model]
 
     def ground(
-        self, name: str, design: Design, matrix: _Matrix, corners: tuple[_Matrix, _Matrix] | None
+        self, name: str, design: Design, matrix: Matrix, corners: tuple[Matrix, Matrix] | None
     ) -> SceneObject:
         """The ground of a design, the lowest of it from corner to corner of the world, (2,) each.
 
@@ -88,33 +90,29 @@ class Designs:
             _level(piece, whole, corners if k == lowest else None)
             for k, (whole, piece) in enumerate(placed)
         ]
-        surfaces = tuple(self._surfaces(parts))
-        size = np.ptp(np.concatenate([s.vertices_m for s in surfaces]), axis=0)
-        x_m, y_m, z_m = (float(v) for v in size)
-        return SceneObject(
-            f"{name}::ground" if design.surfaces else name,
-            "ground", design.name, False, False, (x_m, y_m, z_m), surfaces,
-        )  # fmt: skip
+        surfaces = self._surfaces(parts)
+        size_m = size_of(np.concatenate([s.vertices_m for s in surfaces]))
+        name = f"{name}::ground" if design.surfaces else name
+        return SceneObject(name, "ground", design.name, False, False, size_m, surfaces)
 
     def _make(self, model: Model) -> Design | None:
-        ground: list[_Ground] = []
-        visuals = list(all_visuals(model, np.eye(4)))
+        ground: list[Ground] = []
+        visuals = list(model.all_visuals(np.eye(4)))
         shown = [self._draw(visual, ground) for visual in visuals]
-        pieces = [of_visual for of_visual in shown if of_visual]
+        pieces = tuple(piece for piece in shown if piece)
         parts = [part for piece in pieces for part in piece]
         if not parts and not ground:
             return None
-        surfaces = tuple(self._surfaces(parts if model.ours else apart(parts)))
+        surfaces = self._surfaces(parts if model.ours else apart(parts))
         size_m = (0.0, 0.0, 0.0)
         if parts:
-            points = np.concatenate([p.vertices_m[p.faces.ravel()] for p in parts])
-            x_m, y_m, z_m = (float(v) for v in np.ptp(points, axis=0))
-            size_m = (x_m, y_m, z_m)
+            size_m = size_of(np.concatenate([p.vertices_m[p.faces.ravel()] for p in parts]))
             least, most = MODEL_SIZE_M
             if not least <= max(size_m) <= most:
+                first = visuals[0].element
                 raise SpecError(
-                    f"{_where(model)}: the model {model.name!r} is {max(size_m):.3g} m large, "
-                    f"expected {least:g}..{most:g}: mend its <scale> or its mesh's unit"
+                    f"{first.file}:{first.line}: the model {model.name!r} is {max(size_m):.3g} m "
+                    f"large, expected {least:g}..{most:g}: mend its <scale> or its mesh's unit"
                 )
         if model.ours is not None:
             told = model.ours.attributes
@@ -123,14 +121,15 @@ class Designs:
                 told.get("kind", "object"), told.get("landmark") == "true",
                 told.get("solid") == "true",
             )  # fmt: skip
-        kind = kinds.guess(model.design, size_m, _leafy(surfaces)) if parts else "ground"
+        cut_out = sum(len(s.faces) for s in surfaces if s.cut_out)
+        leafy = 2 * cut_out > sum(len(s.faces) for s in surfaces)
+        kind = kinds.guess(model.design, size_m, leafy) if parts else "ground"
         if parts and kind == "object":
-            kind = kinds.guess(model.name, size_m, _leafy(surfaces))
+            kind = kinds.guess(model.name, size_m, leafy)
         return Design(
             self._name(model, surfaces, ground), surfaces, tuple(ground), size_m, kind,
             self._is_landmark(model, kind, size_m), kind != "ground",
-            tuple(pieces) if len(pieces) > 1 else (),
-            all(is_wide(visual) for visual in visuals),
+            pieces if len(pieces) > 1 else (), all(is_wide(visual) for visual in visuals),
         )  # fmt: skip
 
     def _is_landmark(self, model: Model, kind: str, size_m: tuple[float, float, float]) -> bool:
@@ -139,18 +138,16 @@ class Designs:
             return False
         return kind not in _NO_LANDMARK and size_m[2] >= _LEAST_LANDMARK_M
 
-    def _name(self, model: Model, surfaces: Sequence[Surface], ground: Sequence[_Ground]) -> str:
-        content = hashlib.sha256()
-        for s in surfaces:
-            content.update(s.digest)
+    def _name(self, model: Model, surfaces: Sequence[Surface], ground: Sequence[Ground]) -> str:
+        content = hashlib.sha256(b"".join(s.digest for s in surfaces))
         for g in ground:
             content.update(f"{g.matrix.tolist()}{g.size_m.tolist()}{g.look}".encode())
-        key = content.hexdigest()
+        key = content.digest()
         if key not in self._names:
             self._names[key] = unique(model.design, self._taken)
         return self._names[key]
 
-    def _draw(self, visual: Visual, ground: list[_Ground]) -> list[Part]:
+    def _draw(self, visual: Visual, ground: list[Ground]) -> list[Part]:
         """What a visual shows, in its model's frame; what is ground is added to that."""
         element, matrix = visual.element, visual.matrix
         shape = self._shape(element)
@@ -160,14 +157,19 @@ class Designs:
         if shape.tag == "plane":
             turn, size_m = plane_of(shape)
             matrix = matrix @ turn
-            if element is self._ground:
-                ground.append(_Ground(matrix, size_m, look or _coloured(Look(), colour)))
+            if element is self._shows_ground:
+                ground.append(Ground(matrix, size_m, look or _coloured(Look(), colour)))
                 return []
             half = np.minimum(size_m, _SHEET_M) / 2
-            found = [primitives.plane(-half, half, size_m)]
+            found = [plane(-half, half, size_m)]
         else:
-            found = self._mesh(shape) if shape.tag == "mesh" else [primitives.build(shape)]
-        self._count(found, element)
+            found = self._mesh(shape) if shape.tag == "mesh" else [primitive(shape)]
+        self._triangles += sum(len(part.faces) for part in found)
+        if self._triangles > MOST_TRIANGLES:  # before they fill the memory
+            raise element.error(
+                f"expected at most {MOST_TRIANGLES} triangles in a world, with this it has "
+                f"{self._triangles}: leave models out, or simplify their meshes"
+            )
         return [
             moved(replace(part, look=look or _coloured(part.look, colour)), matrix)
             for part in found
@@ -179,28 +181,19 @@ class Designs:
         shape = geometry.children[0] if geometry is not None and geometry.children else None
         if shape is None or shape.tag == "empty":
             return None
-        name = element.attributes.get("name", "")
+        name = element.name
         transparency = element.number("transparency", 0.0)
         if shape.tag in _UNDRAWN:
             self._notes.add(f"{shape.tag}s", name)
         elif transparency >= 0.5:
             self._notes.add("visuals more than half transparent", name)
-        elif shape.tag not in ("plane", "mesh", *primitives.KINDS):
+        elif shape.tag not in ("plane", "mesh", *PRIMITIVES):
             self._notes.add("unknown geometry", shape.tag)
         else:
             if transparency > 0:
                 self._notes.add("visuals somewhat transparent, drawn opaque", name)
             return shape
         return None
-
-    def _count(self, found: Sequence[Part], element: Element) -> None:
-        """Raise SpecError for what is more than a world may have, before it fills the memory."""
-        self._triangles += sum(len(part.faces) for part in found)
-        if self._triangles > MOST_TRIANGLES:
-            raise element.error(
-                f"expected at most {MOST_TRIANGLES} triangles in a world, with this it has "
-                f"{self._triangles}: leave models out, or simplify their meshes"
-            )
 
     def _mesh(self, shape: Element) -> list[Part]:
         uri = shape.find("uri")
@@ -228,26 +221,12 @@ class Designs:
             raise scale.error(f"expected factors of a sensible size, got {scale.text!r}")
         return [moved(part, np.diag([*factors, 1.0])) for part in parts]
 
-    def _surfaces(self, parts: Sequence[Part]) -> Iterator[Surface]:
+    def _surfaces(self, parts: Sequence[Part]) -> tuple[Surface, ...]:
         """Parts as surfaces, those with one texture joined."""
-        groups: dict[int, list[tuple[Part, NDArray[np.uint8]]]] = {}
-        for part in parts:
-            texture = self._materials.texture(part.look)
-            groups.setdefault(id(texture), []).append((_tiled(part), texture))
-        for group in groups.values():
-            first = np.cumsum([0, *(len(p.vertices_m) for p, _ in group)])
-            faces = [p.faces + n for (p, _), n in zip(group, first[:-1], strict=True)]
-            vertices = np.concatenate([p.vertices_m for p, _ in group]).astype(np.float32)
-            yield Surface(
-                vertices,
-                np.concatenate(faces).astype(np.int32),
-                np.concatenate([p.uv for p, _ in group if p.uv is not None]).astype(np.float32),
-                _shade([p for p, _ in group]),
-                group[0][1],
-            )
+        return tuple(join_by_texture([_surface(p, self._materials.texture(p.look)) for p in parts]))
 
 
-def _level(piece: _Ground, matrix: _Matrix, corners: tuple[_Matrix, _Matrix] | None) -> Part:
+def _level(piece: Ground, matrix: Matrix, corners: tuple[Matrix, Matrix] | None) -> Part:
     """A piece of ground in the world, out to the corners if there are some."""
     low, high = -piece.size_m / 2, piece.size_m / 2
     if corners is not None:
@@ -255,22 +234,10 @@ def _level(piece: _Ground, matrix: _Matrix, corners: tuple[_Matrix, _Matrix] | N
         points = np.array([(x, y, 0, 1) for x in (x0, x1) for y in (y0, y1)])
         own = (points @ np.linalg.inv(matrix).T)[:, :2]
         low, high = own.min(axis=0), own.max(axis=0)
-    part = moved(replace(primitives.plane(low, high, piece.size_m), look=piece.look), matrix)
+    part = moved(replace(plane(low, high, piece.size_m), look=piece.look), matrix)
     if corners is not None:
         part.vertices_m[:, 2] = level_m(matrix)
     return part
-
-
-def _where(model: Model) -> str:
-    """File and line of a model's first visual."""
-    element = next(all_visuals(model, np.eye(4))).element
-    return f"{element.file}:{element.line}"
-
-
-def _leafy(surfaces: Sequence[Surface]) -> bool:
-    """Whether most of the triangles are cut out."""
-    counts = [(len(s.faces), s.cut_out) for s in surfaces]
-    return 2 * sum(n for n, cut in counts if cut) > sum(n for n, _ in counts)
 
 
 def _coloured(look: Look, colour: Colour | None) -> Look:
@@ -283,34 +250,29 @@ def _coloured(look: Look, colour: Colour | None) -> Look:
     return replace(look, colour=(r * x, g * y, b * z))
 
 
-def _shade(parts: Sequence[Part]) -> NDArray[np.float32]:
-    """Colours of vertices, (n, 3), white where a mesh has none."""
-    shades = [np.ones((len(p.vertices_m), 3)) if p.shade is None else p.shade for p in parts]
-    return np.concatenate(shades).clip(0, 1).astype(np.float32)
-
-
-def _tiled(part: Part) -> Part:
-    """A part with its picture's repeats in its texture coordinates.
+def _surface(part: Part, texture: NDArray[np.uint8]) -> Surface:
+    """A part, with its picture's repeats in its texture coordinates.
 
     Where no face reaches over a picture's edge, each is brought into 0..1, for the atlas.
     """
-    if part.uv is None or part.look.picture is None:
-        return replace(part, uv=np.full((len(part.vertices_m), 2), 0.5))
-    uv = (part.uv - 0.5) * part.look.repeats + 0.5
-    corners = uv[part.faces]
-    tile = np.floor(corners.min(axis=1) + _TILE_EPSILON)
-    if (corners.max(axis=1) - tile).max() > 1 + _TILE_EPSILON:
-        return replace(part, uv=uv)
-    keys = np.column_stack([part.faces.ravel(), np.repeat(tile, 3, axis=0)])
-    corner, faces = np.unique(keys, axis=0, return_inverse=True)
-    vertex = corner[:, 0].astype(np.int64)
-    inside = np.clip(uv[vertex] - corner[:, 1:], 0, 1)
-    return replace(
-        part,
-        vertices_m=part.vertices_m[vertex],
-        faces=faces.reshape(-1, 3),
-        uv=inside,
-        shade=None if part.shade is None else part.shade[vertex],
+    vertex, faces = np.arange(len(part.vertices_m)), part.faces
+    uv = np.full((len(vertex), 2), 0.5)
+    if part.uv is not None and part.look.picture is not None:
+        uv = (part.uv - 0.5) * part.look.repeats + 0.5
+        corners = uv[faces]
+        tile = np.floor(corners.min(axis=1) + _TILE_EPSILON)
+        if not (corners.max(axis=1) - tile).max() > 1 + _TILE_EPSILON:
+            keys = np.column_stack([faces.ravel(), np.repeat(tile, 3, axis=0)])
+            corner, faces = np.unique(keys, axis=0, return_inverse=True)
+            vertex = corner[:, 0].astype(np.int64)
+            uv = np.clip(uv[vertex] - corner[:, 1:], 0, 1)
+    shade = np.ones((len(part.vertices_m), 3)) if part.shade is None else part.shade.clip(0, 1)
+    return Surface(
+        part.vertices_m[vertex].astype(np.float32),
+        faces.reshape(-1, 3).astype(np.int32),
+        uv.astype(np.float32),
+        shade[vertex].astype(np.float32),
+        texture,
     )
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.world.gazebo.sdf import Matrix, Placed, Visual, all_visuals
+from vrchain.world.gazebo.frames import Matrix, Model, Placed, Visual, cross_matrix
 from vrchain.world.gazebo.xml import Element
 
 _WIDE_M = 40.0  # a narrower plane is a thing of its own
@@ -15,19 +15,17 @@ _Plane = tuple[Matrix, float, Element]  # where it lies, its area in m2, its <vi
 
 def visual_of(placed: Iterable[Placed]) -> Element | None:
     """The <visual> that shows the ground; None if there is none. The largest of the lowest."""
-    lowest: dict[int, _Plane | None] = {}  # of each model, in its frame
     found: list[_Plane] = []
+    lowest: dict[Model, _Plane | None] = {}  # of each, in its frame
     for thing in placed:
-        if id(thing.model) not in lowest:
-            lowest[id(thing.model)] = min(
-                _level(all_visuals(thing.model, np.eye(4))), key=_lowest_first, default=None
-            )
-        plane = lowest[id(thing.model)]
-        if plane is not None:
-            matrix, area_m2, element = plane
-            matrix = thing.matrix @ matrix
+        model = thing.model
+        if model not in lowest:
+            level = _level(model.all_visuals(np.eye(4)))
+            lowest[model] = min(level, key=_lowest_first, default=None)
+        if (plane := lowest[model]) is not None:
+            matrix = thing.matrix @ plane[0]
             if _is_level(matrix):
-                found.append((matrix, area_m2, element))
+                found.append((matrix, *plane[1:]))
     return min(found, key=_lowest_first)[2] if found else None
 
 
@@ -82,7 +80,6 @@ def _towards(normal: NDArray[np.float64]) -> Matrix:
     if not axis.any():
         matrix[:3, :3] = np.diag([1.0, np.sign(normal[2]), np.sign(normal[2])])
         return matrix
-    x, y, z = axis
-    cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    cross = cross_matrix(axis)
     matrix[:3, :3] += cross + cross @ cross / (1 + normal[2])
     return matrix

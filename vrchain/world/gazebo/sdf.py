@@ -4,68 +4,24 @@ See http://sdformat.org/spec.
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
-from vrchain.world.gazebo.files import VARIABLES, Folders, is_file, read_bytes
-from vrchain.world.gazebo.frames import Frames, Inner, Matrix, name_of, pose_matrix
-from vrchain.world.gazebo.limits import MOST_INCLUDES_DEEP, MOST_MODELS, MOST_XML_BYTES
-from vrchain.world.gazebo.notes import Notes
-from vrchain.world.gazebo.xml import Element, parse
+from vrchain.world.gazebo.files import VARIABLES, Folders, Notes, is_file, read_bytes
+from vrchain.world.gazebo.frames import Frames, Matrix, Model, Placed, Visual, name_of, pose_matrix
+from vrchain.world.gazebo.xml import MOST_XML_BYTES, Element, parse
 
+MOST_INCLUDES_DEEP = 16
+MOST_MODELS = 10_000  # placed in a world
 # What may stand in a world, model or link and is not drawn, and how the warning calls it.
 _UNSUPPORTED = {
-    "plugin": "plugins",
-    "fog": "fog",
-    "actor": "actors",
-    "population": "populations",
-    "road": "roads of lines",
-    "light": "lights beside the sun",
-    "sensor": "sensors",
-    "projector": "projectors",
-    "particle_emitter": "particle emitters",
+    "plugin": "plugins", "fog": "fog", "actor": "actors", "population": "populations",
+    "road": "roads of lines", "light": "lights beside the sun", "sensor": "sensors",
+    "projector": "projectors", "particle_emitter": "particle emitters",
     "experimental:params": "parameters of includes",
-}
-
-
-@dataclass(frozen=True, eq=False)
-class Visual:
-    """Something to be drawn. matrix: (4, 4) from its frame to its model's."""
-
-    element: Element
-    matrix: Matrix
-
-
-@dataclass(frozen=True, eq=False)
-class Model:
-    """A model as its file has it: its own pose, its visuals, and models within it.
-
-    count: of models, itself and those within it, and within these. ours: what a world of our own
-    says of it.
-    """
-
-    name: str
-    pose: Matrix
-    visuals: tuple[Visual, ...]
-    nested: tuple["Placed", ...]
-    design: str  # the folder's name if it has one, else its own
-    count: int
-    ours: Element | None
-    frames: Frames
-
-
-@dataclass(frozen=True, eq=False)
-class Placed:
-    """A model in a world or in another model. matrix: (4, 4) from its frame to that one's."""
-
-    name: str
-    model: Model
-    matrix: Matrix
-    element: Element
-
-
+}  # fmt: skip
 _Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
 
 
@@ -100,18 +56,18 @@ class _Reader:
         root = self._document(path)
         worlds = list(root.all("world"))
         if len(worlds) > 1:
-            names = ", ".join(w.attributes.get("name", "") for w in worlds[1:])
+            names = ", ".join(w.name for w in worlds[1:])
             self._notes.add("worlds after the file's first", names)
         scope = worlds[0] if worlds else root
         if not worlds and root.find("model") is None:
             raise root.error("expected a <world> or a <model> in it")
         self._open.append(path.resolve())
         lights = [(light, light.find("pose")) for light in scope.all("light")]
-        models = list(self._placed(scope, "world", lights))
-        self._unsupported(scope, lights=False)
-        for inside, kinds in (("gui", ("plugin",)), ("scene", ("fog",))):
+        models, _ = self._placed(scope, lights)
+        self._unsupported(scope, _UNSUPPORTED.keys() - {"light"})
+        for inside, kind in (("gui", "plugin"), ("scene", "fog")):
             for element in scope.all(inside):
-                self._unsupported(element, only=kinds)
+                self._unsupported(element, [kind])
         return World(
             scope.attributes.get("name", path.stem),
             tuple(_as_saved(models, scope, self._notes)),
@@ -125,28 +81,25 @@ class _Reader:
             raise root.error("expected <sdf> as the document's root")
         return root
 
-    def _placed(self, scope: Element, frame: str, lights: list[_Light]) -> Iterator[Placed]:
-        """The models of a world or model, with their frames resolved; its lights are added."""
-        own: dict[int, Model] = {}
+    def _placed(self, scope: Element, lights: list[_Light]) -> tuple[list[Placed], Frames]:
+        """The models of a world or model, and its frames; its included lights are added."""
+        models: dict[Element, Model] = {}
         for element in scope.all("model", "include"):
             found = self._model(element) if element.tag == "model" else self._included(element)
-            if isinstance(found, Element):
-                if found.tag == "light":
-                    pose = element.find("pose")
-                    lights.append((found, found.find("pose") if pose is None else pose))
-                else:
-                    self._notes.add(_UNSUPPORTED.get(found.tag, found.tag), found.file.parent.name)
-                continue
-            own[id(element)] = found
-        inner = {k: Inner(m.name, m.pose, m.frames) for k, m in own.items()}
-        frames = Frames(scope, frame, inner)
-        if sum(model.count for model in own.values()) > MOST_MODELS:
+            if isinstance(found, Model):
+                models[element] = found
+            elif found.tag == "light":
+                lights.append((found, element.find("pose") or found.find("pose")))
+            else:
+                self._notes.add(_UNSUPPORTED.get(found.tag, found.tag), found.file.parent.name)
+        frames = Frames(scope, models)
+        if sum(model.count for model in models.values()) > MOST_MODELS:
             raise scope.error(f"expected at most {MOST_MODELS} models, in includes as well")
-        for element in scope.all("model", "include"):
-            model = own.get(id(element))
-            if model is not None:
-                name = name_of(element, model.name)
-                yield Placed(name, model, frames.of(element, model.pose), element)
+        placed = [
+            Placed(name_of(element, model.name), model, frames.of(element, model.pose), element)
+            for element, model in models.items()
+        ]
+        return placed, frames
 
     def _model(self, element: Element, design: str | None = None) -> Model:
         self._deep += 1
@@ -155,26 +108,24 @@ class _Reader:
         self._unsupported(element)
         for joint in element.all("joint"):
             if joint.attributes.get("type") != "fixed":
-                self._notes.add("joints that move", joint.attributes.get("name", ""))
-        name = element.attributes.get("name", "") or element.file.parent.name
+                self._notes.add("joints that move", joint.name)
+        name = element.name or element.file.parent.name
         lights: list[_Light] = []
-        nested = tuple(self._placed(element, "__model__", lights))
+        nested, frames = self._placed(element, lights)
         for _ in lights:
             self._notes.add(_UNSUPPORTED["light"], name)
-        inner = {id(p.element): Inner(p.name, p.model.pose, p.model.frames) for p in nested}
-        frames = Frames(element, "__model__", inner)
         visuals = []
         for link in element.all("link"):
             self._unsupported(link)
             matrix = frames.of(link)
             for visual in link.all("visual"):
                 self._unsupported(visual)
-                visuals.append(Visual(visual, frames.of_visual(visual, matrix)))
+                visuals.append(Visual(visual, frames.of(visual, outer=matrix)))
         self._deep -= 1
         pose = pose_matrix(element.find("pose"))
         count = 1 + sum(p.model.count for p in nested)
         ours = element.find("vrchain:object")
-        return Model(name, pose, tuple(visuals), nested, design or name, count, ours, frames)
+        return Model(name, pose, tuple(visuals), tuple(nested), design or name, count, ours, frames)
 
     def _included(self, include: Element) -> Model | Element:
         """The model of an <include>; or the element of what else it holds, such as a light."""
@@ -188,16 +139,16 @@ class _Reader:
         if file not in self._models:
             self._open.append(file)
             root = self._document(file)
-            found = root.find("model")
-            if found is not None:
+            found = next(root.all("model"), None) or next(root.all("light", "actor"), None)
+            if found is None:
+                raise root.error("expected a <model> in it")
+            if found.tag == "model":
                 in_folder = file.parent in self._folders.models
-                design = file.stem if in_folder else file.parent.name
-                self._models[file] = self._model(found, design)
+                self._models[file] = self._model(
+                    found, file.stem if in_folder else file.parent.name
+                )
             else:
-                others = list(root.all("light", "actor"))
-                if not others:
-                    raise root.error("expected a <model> in it")
-                self._models[file] = others[0]
+                self._models[file] = found
             self._open.pop()
         return self._models[file]
 
@@ -224,19 +175,16 @@ class _Reader:
             raise include.error(f"the model {uri!r} has no file {named!r} in {found}")
         return file
 
-    def _unsupported(
-        self, scope: Element, *, lights: bool = True, only: Iterable[str] = _UNSUPPORTED
-    ) -> None:
-        name = scope.attributes.get("name", "")
+    def _unsupported(self, scope: Element, kinds: Iterable[str] = _UNSUPPORTED) -> None:
+        name = scope.name
         if scope.attributes.get("placement_frame"):
             self._notes.add("placement frames", name)
         pose = scope.find("pose")
         if pose is not None and pose.attributes.get("frame"):
             self._notes.add("frames of poses, as of SDF 1.5", pose.attributes["frame"])
-        for element in scope.all(*only):
-            if lights or element.tag != "light":
-                name = element.attributes.get("filename") or element.attributes.get("name", "")
-                self._notes.add(_UNSUPPORTED[element.tag], name)
+        for element in scope.all(*kinds):
+            name = element.attributes.get("filename") or element.name
+            self._notes.add(_UNSUPPORTED[element.tag], name)
 
     def _sun(self, lights: Iterable[_Light]) -> Matrix | None:
         """The direction of the first directional light; the others are noted."""
@@ -250,7 +198,7 @@ class _Reader:
                     raise light.error("expected a <direction>, got one of length 0")
                 sun = turned / length
             else:
-                self._notes.add(_UNSUPPORTED["light"], light.attributes.get("name", ""))
+                self._notes.add(_UNSUPPORTED["light"], light.name)
         return sun
 
 
@@ -259,29 +207,29 @@ def _version(sdf: Element) -> tuple[int, ...]:
     return tuple(int(word) if word.isdigit() else 0 for word in words)
 
 
-def _as_saved(models: list[Placed], scope: Element, notes: Notes) -> Iterator[Placed]:
+def _as_saved(models: Iterable[Placed], scope: Element, notes: Notes) -> Iterator[Placed]:
     """The models where a saved <state> has put them."""
     state = scope.find("state")
-    saved: dict[str, Element] = {}
-    for element in state.all("model") if state is not None else ():
-        saved[element.attributes.get("name", "")] = element
-    deleted = [
-        name.text for part in (state.all("deletions") if state else ()) for name in part.all("name")
-    ]
+    if state is None:
+        yield from models
+        return
+    saved = {element.name: element for element in state.all("model")}
+    deleted = {name.text for part in state.all("deletions") for name in part.all("name")}
     for placed in models:
+        where = saved.get(placed.name)
         if placed.name in deleted:
             continue
-        where = saved.get(placed.name)
-        matrix = placed.matrix
-        if where is not None:
-            matrix = pose_matrix(where.find("pose"))
-            if where.values("scale", (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
-                notes.add("scales of a saved state", placed.name)
-            for part in where.all("link", "model"):
-                if _is_moved(part, placed.model, matrix):
-                    notes.add("parts that a saved state moves in their model", placed.name)
-        yield Placed(placed.name, placed.model, matrix, placed.element)
-    if state is not None and state.find("insertions/model") is not None:
+        if where is None:
+            yield placed
+            continue
+        matrix = pose_matrix(where.find("pose"))
+        if where.values("scale", (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
+            notes.add("scales of a saved state", placed.name)
+        for part in where.all("link", "model"):
+            if _is_moved(part, placed.model, matrix):
+                notes.add("parts that a saved state moves in their model", placed.name)
+        yield replace(placed, matrix=matrix)
+    if state.find("insertions/model") is not None:
         notes.add("models inserted in a saved state")
 
 
@@ -290,31 +238,8 @@ def _is_moved(saved: Element, model: Model, matrix: Matrix) -> bool:
 
     Gazebo saves poses in the world, SDF has them in the model.
     """
-    known = model.frames.find(saved.attributes.get("name", ""))
+    known = model.frames.find(saved.name)
     if known is None or saved.find("pose") is None:
         return False
     pose = pose_matrix(saved.find("pose"))
     return not any(np.allclose(pose, at, atol=0.01) for at in (known, matrix @ known))
-
-
-def flat(placed: Placed, outer: Matrix, prefix: str = "") -> Iterator[Placed]:
-    """A placed model as the objects it stands for, with their names and matrices in the world.
-
-    A model with visuals of its own is one object, with all that lies within it. One without, a mere
-    group, is as many objects as there are in it, named with their group's name before ``::``.
-    """
-    matrix = outer @ placed.matrix
-    name = prefix + placed.name
-    if placed.model.visuals:
-        yield Placed(name, placed.model, matrix, placed.element)
-        return
-    for part in placed.model.nested:
-        yield from flat(part, matrix, f"{name}::")
-
-
-def all_visuals(model: Model, matrix: Matrix) -> Iterator[Visual]:
-    """The visuals of a model and of all models within it, with matrices to its frame."""
-    for visual in model.visuals:
-        yield Visual(visual.element, matrix @ visual.matrix)
-    for part in model.nested:
-        yield from all_visuals(part.model, matrix @ part.matrix)

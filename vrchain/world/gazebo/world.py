@@ -4,10 +4,10 @@ import warnings
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numpy.typing import NDArray
 
 from vrchain import seeding
 from vrchain.errors import SpecError, UnsupportedWarning
@@ -15,25 +15,60 @@ from vrchain.paths import scene_file
 from vrchain.world import backdrop, light
 from vrchain.world.backdrop import outdoors
 from vrchain.world.gazebo import ground
-from vrchain.world.gazebo.designs import Design, Designs, unique
-from vrchain.world.gazebo.files import is_file, model_folders
-from vrchain.world.gazebo.limits import FARTHEST_M, MAP_M, MOST_M2, MOST_MODELS, MOST_TRIANGLES
+from vrchain.world.gazebo.designs import MOST_TRIANGLES, Design, Designs, unique
+from vrchain.world.gazebo.files import Notes, is_file, model_folders
+from vrchain.world.gazebo.frames import FARTHEST_M, Matrix, Placed
 from vrchain.world.gazebo.materials import Materials
-from vrchain.world.gazebo.meshes import moved
-from vrchain.world.gazebo.notes import Notes
-from vrchain.world.gazebo.sdf import Placed, World, flat, read_world
+from vrchain.world.gazebo.parts import moved
+from vrchain.world.gazebo.sdf import MOST_MODELS, World, read_world
 from vrchain.world.gazebo.xml import Element
 from vrchain.world.model import LightMap, Scene, SceneObject, Surface, ground_polygon
 from vrchain.world.spec import LightSpec, parse_spec
 
 SUFFIXES = (".world", ".sdf")
 
-_Matrix = NDArray[np.float64]
-_Thing = tuple[Placed, Design]
+MAP_M = 600.0  # widest map, as for scenes of our own
+MOST_M2 = 4e6  # of faces on the map, which light falls on: five times both sides of a whole map
 _BEYOND_M = 20.0  # of ground around what stands on it
 _RIM_M = 2.0  # of map around what stands on it
 _THIN_M = 0.25  # thinner faces take as much time
 _SUN_ELEVATION_DEG = (10.0, 85.0)
+
+
+class _Thing(NamedTuple):
+    """A model that is drawn, under a name of its own."""
+
+    name: str
+    placed: Placed
+    design: Design
+
+    def object(self) -> SceneObject:
+        """What of it is no ground, in the world."""
+        d, matrix = self.design, self.placed.matrix
+        surfaces = tuple(_moved(s, matrix) for s in d.surfaces)
+        outline = None
+        if d.solid and d.pieces:  # what its visuals stand around is free
+            polygons = [
+                ground_polygon(
+                    np.concatenate([moved(p, matrix).vertices_m[p.faces] for p in piece])
+                )
+                for piece in d.pieces
+            ]
+            outline = shapely.union_all(polygons)
+        placed = SceneObject(
+            self.name, d.kind, d.name, d.landmark, d.solid, d.size_m, surfaces, outline
+        )
+        if not np.abs(placed.bounds_m).max() < FARTHEST_M:
+            raise self.placed.element.error(
+                f"the model {self.name[:80]!r} lies more than {FARTHEST_M / 1000:g} km away: "
+                "mend its <pose>"
+            )
+        return placed
+
+
+def _moved(surface: Surface, matrix: Matrix) -> Surface:
+    points = surface.vertices_m.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
+    return replace(surface, vertices_m=points.astype(np.float32))
 
 
 def load_world(path: str | Path) -> Scene:
@@ -49,71 +84,71 @@ def load_world(path: str | Path) -> Scene:
     notes = Notes()
     folders = model_folders(path)
     world = read_world(path, folders, notes)
-    things = [thing for placed in world.models for thing in flat(placed, np.eye(4))]
-    designs = Designs(Materials(folders, notes), notes, ground.visual_of(things))
-    placed = [(t, design) for t in things if (design := designs.of(t.model)) is not None]
-    if not placed:
+    models = [placed for model in world.models for placed in model.flat(np.eye(4))]
+    designs = Designs(Materials(folders, notes), notes, ground.visual_of(models))
+    taken: dict[str, int] = {}
+    things = [
+        _Thing(unique(placed.name, taken), placed, design)
+        for placed in models
+        if (design := designs.of(placed.model)) is not None
+    ]
+    if not things:
         why = f": not supported: {notes}" if notes else ""
         raise SpecError(f"{path}: nothing in this world can be drawn{why}")
-    _check_count(path, placed)
+    triangles = sum(len(s.faces) for thing in things for s in thing.design.surfaces)
+    if len(things) > MOST_MODELS or triangles > MOST_TRIANGLES:
+        raise SpecError(
+            f"{path}: expected at most {MOST_MODELS} models and {MOST_TRIANGLES} triangles, got "
+            f"{len(things)} and {triangles}"
+        )
     if world.ours is not None:
-        scene = _own_scene(world.name, placed, world.ours, notes)
+        scene = _own_scene(world.name, things, world.ours, notes)
     else:
-        scene = _scene(path, world, placed, designs, notes)
+        scene = _scene(path, world, things, designs, notes)
     if notes:
         warnings.warn(f"{path}: not supported or simplified: {notes}", UnsupportedWarning, 3)
     return scene
 
 
-def _check_count(path: Path, placed: Sequence[_Thing]) -> None:
-    triangles = sum(len(s.faces) for _, design in placed for s in design.surfaces)
-    if len(placed) > MOST_MODELS or triangles > MOST_TRIANGLES:
-        raise SpecError(
-            f"{path}: expected at most {MOST_MODELS} models and {MOST_TRIANGLES} triangles, got "
-            f"{len(placed)} and {triangles}"
-        )
-
-
-def _light(sun: _Matrix | None) -> LightSpec:
-    """The sun where the world has it, within what ``LightSpec`` allows."""
-    if sun is None:
-        return LightSpec()
-    towards = -sun
-    azimuth_deg = float(np.degrees(np.arctan2(towards[1], towards[0])) % 360)
-    elevation_deg = float(np.degrees(np.arcsin(np.clip(towards[2], -1, 1))))
-    return LightSpec(
-        sun_azimuth_deg=azimuth_deg,
-        sun_elevation_deg=float(np.clip(elevation_deg, *_SUN_ELEVATION_DEG)),
-    )
-
-
 def _scene(
-    path: Path, world: World, placed: Sequence[_Thing], designs: Designs, notes: Notes
+    path: Path, world: World, things: Sequence[_Thing], designs: Designs, notes: Notes
 ) -> Scene:
     """The ground, then what lies, then what stands, each in the world's order, and their light."""
-    names = _names(placed)
-    floor, floor_m = _floor(placed)
-    objects: dict[int, SceneObject] = {}
-    bounds = []
-    for i, (thing, design) in enumerate(placed):
-        if design.surfaces:
-            objects[i] = _object(names[i], thing, design)
-            if not design.wide:
-                bounds.append(objects[i].bounds_m[:, :2])
-    low, high = _bounds(bounds, placed)
+    pieces = [
+        (ground.depth(matrix), k, matrix, piece.size_m)
+        for k, thing in enumerate(things)
+        for piece in thing.design.ground
+        for matrix in [thing.placed.matrix @ piece.matrix]
+    ]
+    # The lowest piece is the floor of the world, all over.
+    (_, floor_m), floor = min((piece[:2] for piece in pieces), default=((False, 0.0), None))
+    shown = [thing for thing in things if thing.design.surfaces]
+    objects = [thing.object() for thing in shown]
+    bounds = [o.bounds_m[:, :2] for o, t in zip(objects, shown, strict=True) if not t.design.wide]
+    boxes = bounds or [
+        matrix[:2, 3] + np.outer((-0.5, 0.5), np.minimum(size_m, MAP_M))
+        for _, _, matrix, size_m in pieces
+    ]
+    boxes = boxes or [o.bounds_m[:, :2] for o in objects]  # wide planes that are no ground
+    low, high = np.min(boxes, axis=(0, 1)), np.max(boxes, axis=(0, 1))
     half = np.minimum(np.ceil(2 * (np.abs([low, high]).max(axis=0) + _RIM_M)), MAP_M) / 2
-    _check_map(path, bounds, half, (low, high))
+    if bounds and not any((b[0] < half).all() and (b[1] > -half).all() for b in bounds):
+        raise SpecError(
+            f"{path}: expected things within {MAP_M / 2:g} m of the origin, which the map is "
+            f"centred on, got x in {low[0]:.5g}..{high[0]:.5g} and y in {low[1]:.5g}.."
+            f"{high[1]:.5g} m: take their middle off their <pose>s"
+        )
     if np.abs([low, high]).max() > MAP_M / 2 - _RIM_M:
         notes.add(f"parts beyond the map of {MAP_M:g} x {MAP_M:g} m, where no robot drives")
     corners = np.minimum(low, -half) - _BEYOND_M, np.maximum(high, half) + _BEYOND_M
-    grounds = {
-        i: designs.ground(names[i], design, thing.matrix, corners if i == floor else None)
-        for i, (thing, design) in enumerate(placed)
-        if design.ground
-    }
-    others = [*objects.values(), *(g for i, g in grounds.items() if i != floor)]
-    lying = [o for o in others if (o.bounds_m[:, 2] == floor_m).all()]
-    standing = [o for o in others if (o.bounds_m[:, 2] != floor_m).any()]
+    floors: list[SceneObject] = []
+    for k, (name, placed, design) in enumerate(things):
+        if design.ground:
+            whole = corners if k == floor else None
+            lawn = designs.ground(name, design, placed.matrix, whole)
+            (floors if k == floor else objects).append(lawn)
+    lying = [o for o in objects if (o.bounds_m[:, 2] == floor_m).all()]
+    standing = [o for o in objects if (o.bounds_m[:, 2] != floor_m).any()]
     extent_m = (float(2 * half[0]), float(2 * half[1]))
     _check_area(path, standing, float(np.hypot(*extent_m)))
     spec = _light(world.sun)
@@ -122,7 +157,7 @@ def _scene(
     return Scene(
         world.name,
         extent_m,
-        (*(g for i, g in grounds.items() if i == floor), *lying, *baked),
+        (*floors, *lying, *baked),
         backdrop.build_sky(lit, seeding.generator(0, "sky")),
         backdrop.haze_rgb(lit),
         spec,
@@ -130,30 +165,16 @@ def _scene(
     )
 
 
-def _floor(placed: Sequence[_Thing]) -> tuple[int | None, float]:
-    """Which placed model holds the ground, if any does, and the height that it lies at."""
-    pieces = [
-        (ground.depth(thing.matrix @ piece.matrix), i)
-        for i, (thing, design) in enumerate(placed)
-        for piece in design.ground
-    ]
-    if not pieces:
-        return None, 0.0
-    (_, floor_m), floor = min(pieces)
-    return floor, floor_m
-
-
-def _check_map(
-    path: Path, bounds: Sequence[_Matrix], half: NDArray[np.float64], corners: tuple[_Matrix, ...]
-) -> None:
-    """Raise SpecError if all things lie off the map."""
-    if bounds and not any((b[0] < half).all() and (b[1] > -half).all() for b in bounds):
-        (west, south), (east, north) = corners
-        raise SpecError(
-            f"{path}: expected things within {MAP_M / 2:g} m of the origin, which the map is "
-            f"centred on, got x in {west:.5g}..{east:.5g} and y in {south:.5g}..{north:.5g} m: "
-            "take their middle off their <pose>s"
-        )
+def _light(sun: Matrix | None) -> LightSpec:
+    """The sun where the world has it, within what ``LightSpec`` allows."""
+    if sun is None:
+        return LightSpec()
+    x, y, z = -sun
+    elevation_deg = np.degrees(np.arcsin(np.clip(z, -1, 1)))
+    return LightSpec(
+        sun_azimuth_deg=float(np.degrees(np.arctan2(y, x)) % 360),
+        sun_elevation_deg=float(np.clip(elevation_deg, *_SUN_ELEVATION_DEG)),
+    )
 
 
 def _check_area(path: Path, standing: Sequence[SceneObject], reach_m: float) -> None:
@@ -189,7 +210,7 @@ def _raised(thing: SceneObject, by_m: float) -> SceneObject:
     return replace(thing, surfaces=surfaces)
 
 
-def _own_scene(name: str, placed: Sequence[_Thing], ours: Element, notes: Notes) -> Scene:
+def _own_scene(name: str, things: Sequence[_Thing], ours: Element, notes: Notes) -> Scene:
     """A suburb of ours that was written as a world, in the light and season that it is of."""
 
     def number(key: str, kind: type[float] = float) -> float:
@@ -214,56 +235,10 @@ def _own_scene(name: str, placed: Sequence[_Thing], ours: Element, notes: Notes)
         spec = parse_spec(document)
     except SpecError as error:
         raise ours.error(str(error)) from None
-    for thing, design in placed:
-        if design.ground:
-            notes.add("planes of ground in a suburb of ours, which has its own", thing.name)
-    objects = [
-        _object(name, thing, design)
-        for name, (thing, design) in zip(_names(placed), placed, strict=True)
-        if design.surfaces
-    ]
+    for thing in things:
+        if thing.design.ground:
+            notes.add("planes of ground in a suburb of ours, which has its own", thing.placed.name)
+    objects = [thing.object() for thing in things if thing.design.surfaces]
     standing = [o for o in objects if o.bounds_m[:, 2].any()]
     lying = [o for o in objects if not o.bounds_m[:, 2].any()]
     return outdoors(spec, standing, lying)
-
-
-def _names(placed: Sequence[_Thing]) -> list[str]:
-    taken: dict[str, int] = {}
-    return [unique(thing.name, taken) for thing, _ in placed]
-
-
-def _bounds(bounds: Sequence[_Matrix], placed: Sequence[_Thing]) -> tuple[_Matrix, _Matrix]:
-    """Lowest and highest (x, y) of all things but the ground; of the ground where it is alone."""
-    if bounds:
-        return np.min(bounds, axis=(0, 1)), np.max(bounds, axis=(0, 1))
-    pieces = [(thing.matrix @ g.matrix, g) for thing, design in placed for g in design.ground]
-    centres = np.array([matrix[:2, 3] for matrix, _ in pieces])
-    halves = np.minimum([g.size_m for _, g in pieces], MAP_M) / 2
-    return (centres - halves).min(axis=0), (centres + halves).max(axis=0)
-
-
-def _object(name: str, thing: Placed, design: Design) -> SceneObject:
-    d = design
-    surfaces = tuple(_placed(s, thing.matrix) for s in d.surfaces)
-    outline = _outline(d, thing.matrix) if d.solid and d.pieces else None
-    placed = SceneObject(name, d.kind, d.name, d.landmark, d.solid, d.size_m, surfaces, outline)
-    if not np.abs(placed.bounds_m).max() < FARTHEST_M:
-        raise thing.element.error(
-            f"the model {name[:80]!r} lies more than {FARTHEST_M / 1000:g} km away: mend its <pose>"
-        )
-    return placed
-
-
-def _outline(design: Design, matrix: _Matrix) -> shapely.Geometry:
-    """The ground polygons of a design's visuals: what they stand around is free."""
-    return shapely.union_all(
-        [
-            ground_polygon(np.concatenate([moved(p, matrix).vertices_m[p.faces] for p in piece]))
-            for piece in design.pieces
-        ]
-    )
-
-
-def _placed(surface: Surface, matrix: _Matrix) -> Surface:
-    points = surface.vertices_m.astype(float) @ matrix[:3, :3].T + matrix[:3, 3]
-    return replace(surface, vertices_m=points.astype(np.float32))

@@ -1,13 +1,16 @@
 """XML read by expat into plain elements that know their file and line; no entities, no DTD."""
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 from xml.parsers import expat
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.limits import MOST_XML_DEPTH, MOST_XML_ELEMENTS
+
+MOST_XML_BYTES = 16 << 20
+MOST_XML_ELEMENTS = 400_000
+MOST_XML_DEPTH = 100
 
 
 @dataclass(eq=False)
@@ -20,6 +23,11 @@ class Element:
     line: int
     text: str = ""
     children: list["Element"] = field(default_factory=list)
+
+    @property
+    def name(self) -> str:
+        """Its attribute of this name, "" if it has none."""
+        return self.attributes.get("name", "")
 
     def find(self, path: str) -> "Element | None":
         """The first child by a tag, or a grandchild by tags with / between them."""
@@ -65,7 +73,6 @@ class Element:
 
 def parse(data: bytes, file: Path) -> Element:
     """The root element of a document. Raises SpecError, with the line, on anything amiss."""
-    parser = _parser(file)
     open_: list[Element] = []
     texts: list[list[str]] = []
     roots: list[Element] = []
@@ -74,12 +81,13 @@ def parse(data: bytes, file: Path) -> Element:
     def start(tag: str, attributes: dict[str, str]) -> None:
         nonlocal count
         count += 1
+        line = parser.CurrentLineNumber
         if count > MOST_XML_ELEMENTS or len(open_) >= MOST_XML_DEPTH:
             raise SpecError(
-                f"{file}:{parser.CurrentLineNumber}: expected at most {MOST_XML_ELEMENTS} elements,"
+                f"{file}:{line}: expected at most {MOST_XML_ELEMENTS} elements,"
                 f" {MOST_XML_DEPTH} deep: this is more than a world needs"
             )
-        element = Element(tag, attributes, file, parser.CurrentLineNumber)
+        element = Element(tag, attributes, file, line)
         (open_[-1].children if open_ else roots).append(element)
         open_.append(element)
         texts.append([])
@@ -87,16 +95,14 @@ def parse(data: bytes, file: Path) -> Element:
     def end(_: str) -> None:
         open_.pop().text = "".join(texts.pop()).strip()
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
+    parser = expat.ParserCreate()
     parser.CharacterDataHandler = lambda words: texts[-1].append(words)
-    _run(parser, data, file)
+    _run(parser, data, file, start, end)
     return roots[0]
 
 
 def check(data: bytes, file: Path) -> None:
     """Raise SpecError unless these bytes are XML, without a DTD, that is not nested too deep."""
-    parser = _parser(file)
     depth = 0
 
     def start(_: str, __: dict[str, str]) -> None:
@@ -111,15 +117,18 @@ def check(data: bytes, file: Path) -> None:
         nonlocal depth
         depth -= 1
 
-    parser.StartElementHandler = start
-    parser.EndElementHandler = end
-    _run(parser, data, file)
-
-
-def _parser(file: Path) -> expat.XMLParserType:
-    """A parser that refuses document type declarations: what entities are declared in."""
     parser = expat.ParserCreate()
-    parser.buffer_text = True
+    _run(parser, data, file, start, end)
+
+
+def _run(
+    parser: expat.XMLParserType,
+    data: bytes,
+    file: Path,
+    start: Callable[[str, dict[str, str]], None],
+    end: Callable[[str], None],
+) -> None:
+    """Parse a document; its type declaration is refused: entities are declared in it."""
 
     def refuse(*_: object) -> None:
         raise SpecError(
@@ -127,12 +136,9 @@ def _parser(file: Path) -> expat.XMLParserType:
             "take the declaration out of the file"
         )
 
-    parser.StartDoctypeDeclHandler = refuse
-    parser.EntityDeclHandler = refuse
-    return parser
-
-
-def _run(parser: expat.XMLParserType, data: bytes, file: Path) -> None:
+    parser.buffer_text = True
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = parser.EntityDeclHandler = refuse
     try:
         parser.Parse(data, True)
     except expat.ExpatError as error:

@@ -9,6 +9,7 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable, Iterator, Mapping
+from functools import cache
 from typing import Any, Literal
 
 import numpy as np
@@ -26,7 +27,6 @@ _MARGIN_RAD = 0.02
 _LINEAR, _CLAMP = 0x2601, 0x812F  # OpenGL's and glTF's: no mipmaps; no repetition
 _SKY = 0  # the id that the segmentation draws for no object; objects count from 1
 _WRAP = 1 << 24  # ids are drawn in three bytes, robots' (below the sky's) as the complement
-_context: "_Context | None" = None
 
 
 class _Context:
@@ -59,11 +59,9 @@ class _Context:
             raise RenderError("draw from the thread that drew first: OpenGL contexts stay with it")
 
 
+@cache
 def _shared_context() -> _Context:
-    global _context
-    if _context is None:
-        _context = _Context()
-    return _context
+    return _Context()
 
 
 class Renderer:
@@ -71,6 +69,8 @@ class Renderer:
 
     def __init__(self, scene: Scene) -> None:
         self._context = _shared_context()
+        import pyrender
+
         self.scene = scene
         drawn = [(i + 1, s) for i, o in enumerate(scene.objects) for s in o.surfaces]
         sky = [] if scene.sky is None else [(_SKY, scene.sky)]
@@ -79,11 +79,14 @@ class Renderer:
         on_floor = {id(s) for _, s in floor}
         self._robot_textures: dict[str, Any] = {}
         self._standing = [
-            *_prepared(floor, join_by_texture, scene.ground_light),
+            *_prepared(floor, join_by_texture, light),
             *_prepared([(i, s) for i, s in drawn if id(s) not in on_floor], pack),
             *_prepared(sky, pack),  # last, so that little of it is drawn in vain
         ]
-        self._drawable = self._prepare()
+        # One mesh, of all primitives.
+        self._drawable = pyrender.Scene(bg_color=(*[c / 255 for c in scene.sky_rgb], 1.0))
+        if self._standing:
+            self._drawable.add(pyrender.Mesh([primitive for primitive, _ in self._standing]))
 
     def render(
         self,
@@ -114,15 +117,6 @@ class Renderer:
         drawn = low + (middle << 8) + (high << 16)
         return np.where(drawn < _WRAP // 2, drawn, drawn - _WRAP) - 1
 
-    def _prepare(self) -> Any:
-        """A pyrender scene of one mesh, of all primitives."""
-        import pyrender
-
-        drawable = pyrender.Scene(bg_color=(*[c / 255 for c in self.scene.sky_rgb], 1.0))
-        if self._standing:
-            drawable.add(pyrender.Mesh([primitive for primitive, _ in self._standing]))
-        return drawable
-
     @contextlib.contextmanager
     def _among(self, robots: Mapping[str, Pose]) -> Iterator[list[tuple[Any, "_Squares"]]]:
         """The robots' primitives, which are in the scene for as long as this lasts."""
@@ -150,8 +144,6 @@ class Renderer:
         what: Literal["colour", "objects"],
         robots: Mapping[str, Pose],
     ) -> NDArray[np.uint8]:
-        from vrchain.world.render.drawer import Runs
-
         self.scene.check_pose(pose)
         self._context.check_thread()
         lens = _camera_to_clip(rig)
@@ -160,7 +152,7 @@ class Renderer:
             for view, azimuth in zip(views, rig.azimuths_rad, strict=True):
                 camera = lens @ np.linalg.inv(_camera_to_world(pose, azimuth, rig.camera_height_m))
                 shown = [
-                    (primitive, Runs(*squares.in_view(pose, azimuth, rig)))
+                    (primitive, *squares.in_view(pose, azimuth, rig))
                     for primitive, squares in [*moving, *self._standing]
                 ]
                 size_px = rig.width_px, rig.height_px
@@ -202,8 +194,7 @@ def _primitive(
     """A surface for pyrender; drawn: (n,) the id, from 0, that each vertex is drawn with."""
     import pyrender
 
-    n = len(drawn)
-    light = np.broadcast_to(surface.shade.reshape(n, -1), (n, 3)).clip(0.0, 1.0)
+    light = surface.shade_rgb.clip(0.0, 1.0)
     number = drawn % _WRAP  # 24 bits: a float32 holds it exactly
     return pyrender.Primitive(
         positions=surface.vertices_m,

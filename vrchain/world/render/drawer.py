@@ -6,7 +6,6 @@ depth back. Edges are a little rougher; landmarks are found as well.
 """
 
 import ctypes
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
 
@@ -24,14 +23,6 @@ _SHADERS = Path(__file__).parent / "shaders"
 _INDEX_BYTES = 4
 
 
-@dataclass(frozen=True, eq=False)
-class Runs:
-    """Which triangles of a primitive to draw: from ``first``, ``count`` of them; (n,) int each."""
-
-    first: NDArray[np.int64]
-    count: NDArray[np.int64]
-
-
 class Drawer(Renderer):
     """pyrender's renderer with a pass for what is lit beforehand and never moves."""
 
@@ -43,15 +34,16 @@ class Drawer(Renderer):
         self,
         scene: pyrender.Scene,
         camera: NDArray[np.float64],
-        shown: list[tuple[pyrender.Primitive, Runs]],
+        shown: list[tuple[pyrender.Primitive, NDArray[np.int64], NDArray[np.int64]]],
         size_px: tuple[int, int],
         what: Literal["colour", "objects"],
         ground: LightMap | None,
     ) -> NDArray[np.uint8]:
         """What is shown of the scene's primitives, (height, width, 3), drawn in that order.
 
-        camera: world to clip space, (4, 4); ground: where the light map lies that some primitives
-        have for their occlusion texture.
+        camera: world to clip space, (4, 4); shown: primitives, and of each the runs of triangles to
+        draw: the first triangles, (n,), and how many, (n,); ground: where the light map lies that
+        some primitives have for their occlusion texture.
         """
         self.viewport_width, self.viewport_height = size_px
         self._update_context(scene, RenderFlags.FLAT)
@@ -62,12 +54,16 @@ class Drawer(Renderer):
         GL.glClearColor(*(scene.bg_color if what == "colour" else (0.0, 0.0, 0.0, 1.0)))
         GL.glClear(GL.GL_COLOR_BUFFER_BIT | GL.GL_DEPTH_BUFFER_BIT)
         GL.glActiveTexture(GL.GL_TEXTURE0)
-        for primitive, runs in shown:
-            if len(runs.count):
+        for primitive, first, count in shown:
+            if len(count):
                 texture = primitive.material.baseColorTexture
                 light_map = primitive.material.occlusionTexture if what == "colour" else None
-                cut_out = texture.source_channels == "RGBA"
-                program = self._program(what, cut_out, light_map is not None)
+                # What is opaque is drawn without discard, so that its depth is tested first.
+                program = self._program(
+                    OBJECTS=what == "objects",
+                    CUT_OUT=texture.source_channels == "RGBA",
+                    GROUND=light_map is not None,
+                )
                 program._bind()
                 program.set_uniform("camera", camera)
                 if light_map is not None and ground is not None:
@@ -79,7 +75,7 @@ class Drawer(Renderer):
                     GL.glActiveTexture(GL.GL_TEXTURE0)
                 texture._bind()
                 primitive._bind()
-                _draw(runs)
+                _draw(first, count)
                 primitive._unbind()
                 program._unbind()
         width_px, height_px = size_px
@@ -87,22 +83,16 @@ class Drawer(Renderer):
         pixels: Any = GL.glReadPixels(0, 0, width_px, height_px, GL.GL_RGB, GL.GL_UNSIGNED_BYTE)
         return np.frombuffer(pixels, np.uint8).reshape(height_px, width_px, 3)[::-1]
 
-    def _program(
-        self, what: Literal["colour", "objects"], cut_out: bool, ground: bool
-    ) -> ShaderProgram:
-        """What is opaque is drawn without discard, so that its depth is tested first."""
-        defines = {"OBJECTS": 1} if what == "objects" else {}
-        defines |= {"CUT_OUT": 1} if cut_out else {}
-        defines |= {"GROUND": 1} if ground else {}
-        shaders = "panorama.vert", "panorama.frag"
-        program = self._own_programs.get_program(*shaders, defines=defines)
+    def _program(self, **variants: bool) -> ShaderProgram:
+        defines = {name: 1 for name, wanted in variants.items() if wanted}
+        program = self._own_programs.get_program("panorama.vert", "panorama.frag", defines=defines)
         if not program._in_context():
             program._add_to_context()
         return program
 
 
-def _draw(runs: Runs) -> None:
-    counts = (3 * runs.count).astype(np.int32)
-    offsets = (3 * _INDEX_BYTES * runs.first).astype(np.uintp)
+def _draw(first: NDArray[np.int64], count: NDArray[np.int64]) -> None:
+    counts = (3 * count).astype(np.int32)
+    offsets = (3 * _INDEX_BYTES * first).astype(np.uintp)
     pointers = offsets.ctypes.data_as(ctypes.POINTER(ctypes.c_void_p))
     GL.glMultiDrawElements(GL.GL_TRIANGLES, counts, GL.GL_UNSIGNED_INT, pointers, len(counts))
