@@ -30,7 +30,7 @@ from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.arrival import Arrival
 from vrchain.navigation.goal.recognition import GoalPictures, GoalSight
-from vrchain.navigation.mission import MissionResult, _is_idle, _Mission, run_mission
+from vrchain.navigation.mission import MissionResult, _is_idle, _Mission, drive_mission
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.graph import landmark_graph
 from vrchain.navigation.planning.route import Leg, Plan, Route
@@ -61,7 +61,7 @@ def drive(
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
     tell = (lambda d: None) if told is None else told.append
-    return run_mission("R1", body, index.published, index, goal, perception, config, tell), body
+    return drive_mission("R1", body, index.published, index, goal, perception, config, tell), body
 
 
 def words(result: MissionResult) -> list[str]:
@@ -316,7 +316,7 @@ def test_on_a_long_way_to_the_goal_the_ledger_is_asked_anew() -> None:
         return index.published()
 
     body, goal = Walker(plain, HOME), plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    result = run_mission("R1", body, published, index, goal, PERCEPTION, QUICK)
+    result = drive_mission("R1", body, published, index, goal, PERCEPTION, QUICK)
     assert result.arrived and body.pose.distance_to_m((60.0, 8.0)) < 3.0
     on_the_way = [x_m for x_m in asked_at_m if 10.0 < x_m < 45.0]
     assert len(on_the_way) >= 2 and max(np.diff([0.0, *on_the_way, 45.0])) < 14.0
@@ -403,7 +403,7 @@ def test_a_failing_listener_is_not_swallowed() -> None:
     plain = street()
     index = PlainIndex(plain, TEAM)
     with pytest.raises(Stop):
-        run_mission(
+        drive_mission(
             "R1",
             Walker(plain, HOME),
             index.published,

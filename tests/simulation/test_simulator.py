@@ -170,7 +170,7 @@ import hashlib, json, sys, worlds
 from vrchain.geometry import Pose
 from vrchain.robot import Wander, wander
 from vrchain.seeding import generator
-from vrchain.simulator import Simulator
+from vrchain.simulation.simulator import Simulator
 simulator = Simulator(worlds.maze(), {"R1": Pose(0, 0), "R2": Pose(-3, 1, 2.0)}, seed=5)
 lazy = "open3d" not in sys.modules and "pyrender" not in sys.modules
 draws = {r: generator(5, "wander", r) for r in simulator.robots}

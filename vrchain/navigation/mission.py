@@ -65,7 +65,7 @@ class MissionResult:
     plans: tuple[tuple[int, Route], ...]
 
 
-def run_mission(
+def drive_mission(
     robot: str,
     body: Body,
     published: Callable[[], Mapping[str, Published]],

@@ -17,7 +17,7 @@ from vrchain.ledger import Ledger, simulated_key
 from vrchain.ledger.records.encoding import DIGEST_BYTES
 from vrchain.ledger.records.transaction import NO_BLOB
 from vrchain.navigation.goal.recognition import goal_from
-from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
@@ -77,7 +77,7 @@ class MissionRun:
         return pd.DataFrame([asdict(d) for d in self.result.decisions])
 
 
-def run(
+def run_mission(
     scene: Scene,
     ledger_folder: Path,
     *,
@@ -113,7 +113,7 @@ def run(
         published, index = published_of(ledger, robot), index_of(ledger, perception)
         panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
         goal_shown = goal_from(pictures, weights)
-        result = run_mission(
+        result = drive_mission(
             robot, robots[robot], published, index, goal_shown, perception, config, tell
         )
         head = ledger.head.hash.hex()

@@ -23,7 +23,7 @@ class Standing:
 
     config, here = MissionConfig(), Pose(0.0, 0.0)
     looks = ()
-    ways = SimpleNamespace(reach_m=7.9)
+    obstacles = SimpleNamespace(reach_m=7.9)
 
     def __init__(self) -> None:
         self.now = SimpleNamespace(time_ns=0)

@@ -87,7 +87,7 @@ def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
     alone = RelativePoses(poses).trust(("a", "b"))
     twice = {
         ("a", "e"): RelativePose(Pose(0.0, 0.0), 1.0),
-        ("b", "e"): RelativePose(relative(false.between, Pose(0, 0)), 0.85),
+        ("b", "e"): RelativePose(relative(false.pose, Pose(0, 0)), 0.85),
     }
     assert alone < 0.7
     assert RelativePoses({**poses, **twice}).trust(("a", "b")) == alone
@@ -96,7 +96,7 @@ def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
 def test_what_nobody_tells_of_stays_as_it_is_and_may_be_asked() -> None:
     poses = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
     poses[("a", "b")] = told(WHOLE)[("a", "b")]
-    unsure = {**poses, ("a", "b"): RelativePose(poses["a", "b"].between, 0.4)}
+    unsure = {**poses, ("a", "b"): RelativePose(poses["a", "b"].pose, 0.4)}
     assert RelativePoses(unsure).trust(("a", "b")) == pytest.approx(0.4)
     assert RelativePoses(unsure).unasked(("a", "b")) == [("d", "b"), ("c", "b")]  # the nearer first
     nowhere = {**poses, ("a", "b"): RelativePose(None, 0.4)}
@@ -115,7 +115,7 @@ def test_it_matters_neither_in_which_order_nor_from_where(seed: int) -> None:
     poses = {n: Pose(*map(float, (*draws.uniform(-8, 8, 2), draws.uniform(-3, 3)))) for n in "abcd"}
     trusts = {f"{a}_{b}": float(draws.choice([0.0, 0.3, 0.9])) for a, b in combinations("abcd", 2)}
     poses = told(poses, **trusts)
-    turned = {(b, a): RelativePose(j.between and relative(j.between, Pose(0, 0)), j.trust)
+    turned = {(b, a): RelativePose(j.pose and relative(j.pose, Pose(0, 0)), j.trust)
               for (a, b), j in reversed(poses.items())}  # fmt: skip
     for a, b in poses:
         assert RelativePoses(poses).trust((a, b)) == pytest.approx(
