@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plains import RIG
 
-from vrchain.geometry import Pose, relative, wrap_angle_rad
+from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.navigation.planning.relative_poses import (
@@ -34,22 +34,19 @@ def test_where_the_other_panorama_was_taken() -> None:
     here = Pose(2.0, -3.0, 0.7)
     found = seen_from(here)
     assert baseline_m(found, RIG) == pytest.approx(here.distance_to_m(THERE.xy_m))
-    stand = pose_from(here, found, RIG)
-    assert stand is not None and stand.xy_m == pytest.approx(THERE.xy_m)
-    assert stand.yaw_rad == pytest.approx(THERE.yaw_rad)
-
-
-def test_no_pose_no_stand() -> None:
-    nothing = Comparison((), None)
-    bare = seen_from(Pose(0, 0))
-    assert bare.geometry is not None
-    unsized = Comparison((), replace(bare.geometry, baseline_heights=np.nan))
-    for found in (nothing, unsized):
-        assert pose_from(Pose(0, 0), found, RIG) is None
+    told = pose_from(found, RIG)
+    assert told is not None
+    there = placed(here, told)
+    assert there.xy_m == pytest.approx(THERE.xy_m)
+    assert there.yaw_rad == pytest.approx(THERE.yaw_rad)
+    assert found.geometry is not None
+    unsized = Comparison((), replace(found.geometry, baseline_heights=np.nan))
+    for nothing in (Comparison((), None), unsized):
+        assert pose_from(nothing, RIG) is None
 
 
 def told(poses: dict[str, Pose], trust: float = 0.95, **others: float) -> dict[Pair, RelativePose]:
-    """Right joins of all panoramas taken at ``poses``; others: the trust in some, as a_b."""
+    """True relative poses of panoramas taken at ``poses``; others: the trust in some, as a_b."""
     return {
         (a, b): RelativePose(relative(poses[a], poses[b]), others.get(f"{a}_{b}", trust))
         for a, b in combinations(poses, 2)
@@ -94,7 +91,7 @@ def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
 
 
 def test_what_nobody_tells_of_stays_as_it_is_and_may_be_asked() -> None:
-    poses = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
+    poses = {pair: known for pair, known in told(WHOLE, a_b=0.4).items() if "b" not in pair}
     poses[("a", "b")] = told(WHOLE)[("a", "b")]
     unsure = {**poses, ("a", "b"): RelativePose(poses["a", "b"].pose, 0.4)}
     assert RelativePoses(unsure).trust(("a", "b")) == pytest.approx(0.4)
