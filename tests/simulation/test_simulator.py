@@ -7,7 +7,8 @@ from vrchain.experiments.reproduction.results import suburb
 from vrchain.geometry import Pose
 from vrchain.robot import MAX_TURN_RAD_S, Drive, Wander, wander
 from vrchain.seeding import generator
-from vrchain.simulation.simulator import SensorNoise, Simulator
+from vrchain.simulation.sensors import SensorNoise
+from vrchain.simulation.simulator import Simulator
 from vrchain.world.model import ROBOT_RADIUS_M, Scene, place
 from vrchain.world.truth import GroundTruth
 

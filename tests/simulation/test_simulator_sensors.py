@@ -8,7 +8,8 @@ from vrchain.errors import MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.robot import Drive
 from vrchain.seeding import generator
-from vrchain.simulation.simulator import N_BEAMS, RANGE_MAX_M, SensorNoise, Simulator
+from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M, SensorNoise
+from vrchain.simulation.simulator import Simulator
 from vrchain.world.model import ROBOT_RADIUS_M
 
 EXACT = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0)
