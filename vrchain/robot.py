@@ -1,4 +1,4 @@
-"""What a robot decides by itself: when to publish, and how to drive without hitting things.
+"""What a robot decides by itself: when it publishes, and how it drives without hitting things.
 
 It knows an ``Observation`` and nothing else: no map, no coordinates, no names of things.
 """
@@ -78,7 +78,10 @@ class UpdateRules:
 
 
 class UpdateMonitor:
-    """Tells which update rule fires; shown every observation, so that it knows the way driven."""
+    """Tells whether to publish, and by which rule.
+
+    It is shown every observation, so that it knows the way driven.
+    """
 
     def __init__(self, rules: UpdateRules | None = None) -> None:
         self.rules = rules or UpdateRules()

@@ -7,7 +7,8 @@ import numpy as np
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.navigation.driving.drive import Array, Pilot
+from vrchain.navigation.driving.drive import Pilot
+from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.goal.recognition import KnownGoal
 from vrchain.navigation.goal.rejections import Rejections
 from vrchain.navigation.perception import Look

@@ -4,17 +4,14 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
-from vrchain.navigation.driving.estimates import Estimate
+from vrchain.navigation.driving.estimates import Array, Estimate
 from vrchain.navigation.driving.obstacles import REACH_M, ObstacleMap
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Body, GaveUp, MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.robot import Observation, beams_rad, newcomer_m, steer
-
-Array = NDArray[np.float64]
 
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too

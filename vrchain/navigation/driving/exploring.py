@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.navigation.driving.drive import Array, Pilot
+from vrchain.navigation.driving.drive import Pilot
+from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.settings import GaveUp, Log
 
 _TURNS = 16  # directions in which it may go and look elsewhere

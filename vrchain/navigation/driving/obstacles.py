@@ -13,10 +13,9 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from vrchain.geometry import Pose
+from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.settings import GaveUp
 from vrchain.robot import beams_rad
-
-Array = NDArray[np.float64]
 
 REACH_M = 7.9  # readings of the range ring from here on are of nothing
 _CELL_M = 0.2  # of the memory

@@ -9,8 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vrchain.navigation.driving.drive import Array
-from vrchain.navigation.driving.estimates import Estimate, sighted
+from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.driving.obstacles import REACH_M
 from vrchain.navigation.goal.candidates import (
     EVEN,

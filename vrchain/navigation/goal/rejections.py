@@ -7,8 +7,7 @@ import numpy as np
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.navigation.driving.drive import Array
-from vrchain.navigation.driving.estimates import Estimate
+from vrchain.navigation.driving.estimates import Array, Estimate
 from vrchain.navigation.driving.targets import poses_along
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.relative_poses import ORIGIN, SURE

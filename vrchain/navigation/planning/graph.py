@@ -14,6 +14,7 @@ from itertools import combinations, pairwise
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.hierarchy import DisjointSet
 
 from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.navigation.planning.planner import Planner
@@ -150,32 +151,19 @@ def split_components(
     of one panorama together, is the same as splitting whole components at their weakest claims:
     what a refused claim would have joined, no weaker claim may join to anything.
     """
-    parent = list(range(len(panorama)))  # of the components of all claims so far
-    inside: list[set[object] | None] = [{p} for p in panorama]  # None: split already
-    label = list(range(len(panorama)))
-    regions = [[i] for i in range(len(panorama))]
-
-    def root(i: int) -> int:
-        while parent[i] != i:
-            parent[i] = i = parent[parent[i]]
-        return i
-
+    regions = range(len(panorama))
+    linked, joined = DisjointSet(regions), DisjointSet(regions)  # by all claims, by those kept
+    inside: list[set[object] | None] = [{p} for p in panorama]  # by root; None: it is split
     for u, v in surest_first:
-        a, b = root(u), root(v)
-        if a == b:
+        mine, other = inside[linked[u]], inside[linked[v]]
+        if not linked.merge(u, v):
             continue
-        if len(regions[a]) < len(regions[b]):
-            a, b = b, a
-        parent[b] = a
-        mine, other = inside[a], inside[b]
         if mine is None or other is None or not mine.isdisjoint(other):
-            inside[a] = None
-            continue
-        mine |= other
-        for i in regions[b]:
-            label[i] = label[regions[a][0]]
-        regions[a] += regions[b]
-    return label
+            inside[linked[u]] = None
+        else:
+            inside[linked[u]] = mine | other
+            joined.merge(u, v)
+    return [joined[i] for i in regions]
 
 
 def _numbered(seen: Sequence[tuple[str, Region]]) -> tuple[list[int], list[str]]:
