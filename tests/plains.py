@@ -192,14 +192,12 @@ class Walker:
     pose: Pose
     shut_in: bool = False
     time_ns: int = 0
-    looks: int = 0
     path: list[tuple[float, float]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.start = self.pose
 
     def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
-        self.looks += look
         ring = np.full(len(BEAMS), 0.3) if self.shut_in else self.plain.ring_m(self.pose)
         shown = look or towards_rad is not None
         sight = Sight(self.plain.look(self.pose)) if shown else None

@@ -42,14 +42,30 @@ def result(folder: Path, content: str = "new") -> None:
 WHOLE = {MARKER: b"new", "deep/data.bin": b"newnewnew"}
 
 
-def test_a_result_takes_its_place_when_it_is_complete(tmp_path: Path) -> None:
+@pytest.mark.parametrize("before", ["nothing", "empty", "earlier", "link"])
+def test_a_result_takes_its_place_when_it_is_complete(
+    before: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Where nothing was, in an empty folder, and as a whole in place of an earlier result."""
     target = tmp_path / "made" / "on" / "the" / "way"
-    with output_folder(target, MARKER) as scratch:
-        assert not target.exists() and scratch.is_dir()
+    if before != "nothing":
+        target.mkdir(parents=True)
+    if before in ("earlier", "link"):
+        (target / MARKER).write_text("old")
+        (target / "left over").write_text("old")
+    asked = target
+    if before == "link":  # what is behind it is replaced
+        asked = tmp_path / "link"
+        asked.symlink_to(target, target_is_directory=True)
+    monkeypatch.chdir(tmp_path)
+    was = tree(target)
+    with output_folder(asked.relative_to(tmp_path), MARKER) as scratch:
+        assert scratch.is_dir() and tree(target) == was
+        os.chdir("/")  # a relative folder is meant from where it was asked for
         (scratch / MARKER).write_text("new")
-    assert tree(tmp_path) == {f"made/on/the/way/{MARKER}": b"new"}
-    assert target.stat().st_mode & 0o777 == 0o755
-    assert os.listdir(target.parent) == ["way"]
+    assert tree(tmp_path / "made") == {f"on/the/way/{MARKER}": b"new"}
+    assert target.stat().st_mode & 0o777 == 0o755 and os.listdir(target.parent) == ["way"]
+    assert asked.is_symlink() == (before == "link")
 
 
 @pytest.mark.parametrize("error", [ValueError, KeyboardInterrupt, SystemExit, GeneratorExit])
@@ -68,22 +84,6 @@ def test_whatever_goes_wrong_nothing_half_done_remains(
     assert os.listdir(tmp_path) == (["result"] if before else [])
 
 
-def test_an_earlier_result_is_replaced_as_a_whole(tmp_path: Path) -> None:
-    target = tmp_path / "result"
-    with output_folder(target, MARKER) as scratch:
-        (scratch / MARKER).write_text("old")
-        (scratch / "left over").write_text("old")
-    result(target)
-    assert tree(target) == WHOLE
-    assert os.listdir(tmp_path) == ["result"]
-
-
-def test_an_empty_folder_is_filled(tmp_path: Path) -> None:
-    (tmp_path / "empty").mkdir()
-    result(tmp_path / "empty")
-    assert tree(tmp_path / "empty") == WHOLE
-
-
 @pytest.mark.parametrize("kind", ["foreign", "hidden", "marker is a folder", "file", "parent"])
 def test_what_is_not_ours_is_not_touched(kind: str, tmp_path: Path) -> None:
     target = tmp_path / "target"
@@ -97,27 +97,13 @@ def test_what_is_not_ours_is_not_touched(kind: str, tmp_path: Path) -> None:
         if kind == "marker is a folder":
             (target / MARKER).mkdir()
     was = tree(tmp_path)
-    entered = False
-    with (
-        pytest.raises(OutputError) as error,
-        output_folder(target / "below" if kind == "parent" else target, MARKER),
-    ):
-        entered = True
-    assert not entered
-    assert str(target) in str(error.value)
+    asked = target / "below" if kind == "parent" else target
+    words = {"foreign": "nothing of yours is lost", "file": "is none"}.get(kind, str(target))
+    with pytest.raises(OutputError, match=words):
+        check_output_folder(asked, MARKER)  # before the work
+    with pytest.raises(OutputError, match=str(target)), output_folder(asked, MARKER):
+        pytest.fail("it was entered")
     assert tree(tmp_path) == was
-
-
-def test_a_folder_can_be_checked_before_the_work(tmp_path: Path) -> None:
-    check_output_folder(tmp_path / "new", MARKER)
-    check_output_folder(tmp_path, MARKER)
-    (tmp_path / "x").write_text("mine")
-    with pytest.raises(OutputError, match="nothing of yours is lost"):
-        check_output_folder(tmp_path, MARKER)
-    with pytest.raises(OutputError, match="is none"):
-        check_output_folder(tmp_path / "x", MARKER)
-    (tmp_path / MARKER).write_text("")
-    check_output_folder(tmp_path, MARKER)
 
 
 @pytest.mark.parametrize("name", ["n" * 300, "a/" * 3000 + "b"])
@@ -133,72 +119,47 @@ def test_a_name_that_no_file_can_have_is_one_error(name: str, tmp_path: Path) ->
     assert tree(tmp_path) == {}
 
 
-def test_an_error_of_writing_is_said_plainly(tmp_path: Path) -> None:
-    full = OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-    with (
-        pytest.raises(OutputError, match=r"result: No space left on device") as error,
-        output_folder(tmp_path / "result", MARKER) as scratch,
-    ):
+@pytest.mark.parametrize(
+    ("raised", "words"),
+    [
+        (OSError(errno.ENOSPC, os.strerror(errno.ENOSPC)), r"result: No space left on device"),
+        (OutputError("mine"), r"^mine$"),
+    ],
+)
+def test_an_error_of_writing_is_said_plainly_and_one_of_ours_stays_what_it_is(
+    raised: Exception, words: str, tmp_path: Path
+) -> None:
+    with pytest.raises(OutputError, match=words) as error, output_folder(
+        tmp_path / "result", MARKER
+    ) as scratch:  # fmt: skip
         (scratch / MARKER).write_text("half")
-        raise full
-    assert error.value.__cause__ is full
+        raise raised
+    assert raised in (error.value, error.value.__cause__)
     assert os.listdir(tmp_path) == []
 
 
-def test_an_error_of_ours_stays_what_it_is(tmp_path: Path) -> None:
-    with (
-        pytest.raises(OutputError, match=r"^mine$"),
-        output_folder(tmp_path / "result", MARKER),
-    ):
-        raise OutputError("mine")
-
-
 @pytest.mark.parametrize("error", [OSError(errno.EIO, "no luck"), KeyboardInterrupt()])
+@pytest.mark.parametrize("fails_at", [1, 2])
 def test_the_earlier_result_outlives_a_failed_exchange(
-    error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    fails_at: int, error: BaseException, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Every rename fails in turn: what was there is there still."""
     target = tmp_path / "result"
     result(target, "old")
-    was = tree(target)
-    rename, calls = Path.rename, [0]
+    was, rename, calls = tree(target), Path.rename, [0]
 
-    for fails_at in (1, 2):
-        calls[0] = 0
+    def failing(self: Path, to: Path) -> Path:
+        calls[0] += 1
+        if calls[0] == fails_at:
+            raise error
+        return rename(self, to)
 
-        def failing(self: Path, to: Path, fails_at: int = fails_at) -> Path:
-            calls[0] += 1
-            if calls[0] == fails_at:
-                raise error
-            return rename(self, to)
-
-        with monkeypatch.context() as patch:
-            patch.setattr(Path, "rename", failing)
-            with pytest.raises((OutputError, KeyboardInterrupt)):
-                result(target)
-        assert calls[0] >= fails_at
-        assert tree(target) == was
-        assert os.listdir(tmp_path) == ["result"]
-
-
-def test_a_result_behind_a_link_is_replaced_behind_the_link(tmp_path: Path) -> None:
-    (tmp_path / "elsewhere").mkdir()
-    link = tmp_path / "link"
-    link.symlink_to(tmp_path / "elsewhere", target_is_directory=True)
-    result(link, "old")
-    result(link)
-    assert link.is_symlink()
-    assert tree(tmp_path / "elsewhere") == WHOLE
-
-
-def test_a_relative_folder_is_meant_from_here(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.chdir(tmp_path)
-    with output_folder("result", MARKER) as scratch:
-        (scratch / MARKER).write_text("new")
-        os.chdir("/")
-    assert tree(tmp_path) == {f"result/{MARKER}": b"new"}
+    monkeypatch.setattr(Path, "rename", failing)
+    with pytest.raises((OutputError, KeyboardInterrupt)):
+        result(target)
+    assert calls[0] >= fails_at
+    assert tree(target) == was
+    assert os.listdir(tmp_path) == ["result"]
 
 
 # --- single files ---
@@ -206,11 +167,9 @@ def test_a_relative_folder_is_meant_from_here(
 
 def test_a_file_is_written_and_replaced(tmp_path: Path) -> None:
     path = tmp_path / "deep" / "file.txt"
-    write_file(path, b"old and longer")
-    write_file(str(path), b"new")
-    assert tree(tmp_path) == {"deep/file.txt": b"new"}
-    write_file(path, b"")
-    assert path.read_bytes() == b""
+    for asked, content in ((path, b"old and longer"), (str(path), b"new"), (path, b"")):
+        write_file(asked, content)
+        assert tree(tmp_path) == {"deep/file.txt": content}
 
 
 @pytest.mark.parametrize("error", [OSError(errno.ENOSPC, "No space left"), KeyboardInterrupt()])
@@ -268,10 +227,7 @@ def test_only_a_plain_file_is_replaced(kind: str, tmp_path: Path) -> None:
     path = tmp_path / "file.txt"
     make_special(kind, path)
     was = path.lstat()
-    attempts = [
-        lambda: check_output_file(path),
-        lambda: write_file(path, b"new"),
-    ]
+    attempts = [lambda: check_output_file(path), lambda: write_file(path, b"new")]
     if kind != "link to nothing":  # behind that a new folder can be made
         attempts += [lambda: check_output_folder(path, MARKER), lambda: result(path)]
     for attempt in attempts:
@@ -342,18 +298,6 @@ def test_a_full_disk_leaves_the_earlier_result(tmp_path: Path) -> None:
         assert tree(disk) == was
         result(disk / "result")  # and there is room again
         assert tree(disk / "result") == WHOLE
-
-
-def test_nothing_of_the_module_is_left_untested() -> None:
-    public = {n for n, f in vars(files).items() if callable(f) and f.__module__ == files.__name__}
-    assert {n for n in public if not n.startswith("_")} == {
-        "check_output_file",
-        "check_output_folder",
-        "code_digest",
-        "name_of",
-        "output_folder",
-        "write_file",
-    }
 
 
 def test_results_of_the_same_have_one_name() -> None:

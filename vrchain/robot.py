@@ -1,4 +1,4 @@
-"""What a robot decides by itself: when to publish, and how to drive without hitting things.
+"""What a robot decides by itself: when it publishes, and how it drives without hitting things.
 
 It knows an ``Observation`` and nothing else: no map, no coordinates, no names of things.
 """
@@ -16,16 +16,15 @@ from vrchain.panorama import Panorama, view_change
 MAX_SPEED_M_S = 0.7  # a Pioneer P3-AT's limits
 MAX_TURN_RAD_S = float(np.radians(140.0))
 
-LOOK_AHEAD_M = 1.5
-_CORRIDOR_RADIUS_M = 0.5  # half the width that a free heading needs, and what will do in a squeeze
-_SQUEEZE_RADIUS_M = 0.43
-_SQUEEZE_LOOK_AHEAD_M = 0.5
+# Half the width that is free along a heading, and for how far; less will do in a squeeze.
+_CORRIDOR_RADIUS_M, _LOOK_AHEAD_M = 0.5, 1.5
+_SQUEEZE_RADIUS_M, _SQUEEZE_LOOK_AHEAD_M = 0.43, 0.5
 _STOP_MARGIN_M = 0.1
 _BRAKE_PER_S = 0.9  # speed for each metre free ahead
 _TURN_PER_S = 1.5  # turn rate for each radian off
 _TURN_ON_SPOT_RAD = float(np.radians(50.0))
 _SEARCH_TURN_RAD_S = 1.0
-_KEEP_COURSE = 0.25  # weight of staying on course against going where desired
+_KEEP_HEADING = 0.25  # weight of going straight ahead against going where desired
 _CAME_M = 0.1  # into what was free: five standard deviations of a reading
 _ABEAM_RAD = float(np.radians(100.0))  # what comes from farther behind minds the robot
 _HEADING_STEPS = 72
@@ -79,7 +78,10 @@ class UpdateRules:
 
 
 class UpdateMonitor:
-    """Tells which update rule fires; shown every observation, so that it knows the way driven."""
+    """Tells whether to publish, and by which rule.
+
+    It is shown every observation, so that it knows the way driven.
+    """
 
     def __init__(self, rules: UpdateRules | None = None) -> None:
         self.rules = rules or UpdateRules()
@@ -90,7 +92,9 @@ class UpdateMonitor:
 
     def due(self, observation: Observation) -> Rule | None:
         """The rule that calls for a publication now; "view" can fire only if the robot looked."""
-        self._note(observation)
+        if self._here is not None:
+            self.travelled_m += self._here.distance_to_m(observation.odometry.xy_m)
+        self._here = observation.odometry
         if self._last is None:
             return "start"
         if self.travelled_m >= self.rules.distance_m:
@@ -108,11 +112,6 @@ class UpdateMonitor:
         self._here, self._last, self.travelled_m = observation.odometry, observation, 0.0
         panorama = observation.panorama
         self._signature = None if panorama is None else panorama.signature()
-
-    def _note(self, observation: Observation) -> None:
-        if self._here is not None:
-            self.travelled_m += self._here.distance_to_m(observation.odometry.xy_m)
-        self._here = observation.odometry
 
 
 def beams_rad(n_beams: int) -> NDArray[np.float64]:
@@ -138,27 +137,20 @@ def free_distances_m(
     return np.clip(reach, 0.0, ring.max())
 
 
-def free_bearing_rad(
-    desired_bearing_rad: float,
-    range_ring_m: ArrayLike,
-    *,
-    course_rad: float = 0.0,
-    look_ahead_m: float = LOOK_AHEAD_M,
-) -> float | None:
+def free_bearing_rad(desired_bearing_rad: float, range_ring_m: ArrayLike) -> float | None:
     """The free bearing nearest to the desired one, None if none is free.
 
-    Free: the robot's width fits along it for ``look_ahead_m``; if there is none, a narrower and
-    shorter corridor will do. Bearings near ``course_rad`` (the heading, or what was chosen last)
-    are preferred a little, so that the robot does not dither. A vector field histogram (Borenstein
-    and Koren, 1991) without its grid.
+    Free: the robot's width fits along it for 1.5 m; if there is none, a narrower and shorter
+    corridor will do. Bearings near the heading are preferred a little, so that the robot does not
+    dither. A vector field histogram (Borenstein and Koren, 1991) without its grid.
     """
     steps = np.arange(_HEADING_STEPS) - _HEADING_STEPS // 2
     bearings = wrap_angle_rad(desired_bearing_rad + steps * 2 * np.pi / _HEADING_STEPS)
     detour = np.abs(wrap_angle_rad(bearings - desired_bearing_rad))
-    cost = detour + _KEEP_COURSE * np.abs(wrap_angle_rad(bearings - course_rad))
+    cost = detour + _KEEP_HEADING * np.abs(wrap_angle_rad(bearings))
     for radius_m, ahead_m in (
-        (_CORRIDOR_RADIUS_M, look_ahead_m),
-        (_SQUEEZE_RADIUS_M, min(look_ahead_m, _SQUEEZE_LOOK_AHEAD_M)),
+        (_CORRIDOR_RADIUS_M, _LOOK_AHEAD_M),
+        (_SQUEEZE_RADIUS_M, _SQUEEZE_LOOK_AHEAD_M),
     ):
         free = free_distances_m(range_ring_m, bearings, radius_m) >= ahead_m
         if free.any():
@@ -184,17 +176,9 @@ def newcomer_m(before: Observation, now: Observation) -> float:
     return float(ring[came].min(initial=np.inf))
 
 
-def steer(
-    desired_bearing_rad: float,
-    range_ring_m: ArrayLike,
-    *,
-    course_rad: float = 0.0,
-    look_ahead_m: float = LOOK_AHEAD_M,
-) -> Drive:
+def steer(desired_bearing_rad: float, range_ring_m: ArrayLike) -> Drive:
     """Drive towards a bearing, round what the range ring shows; turn on the spot if shut in."""
-    bearing = free_bearing_rad(
-        desired_bearing_rad, range_ring_m, course_rad=course_rad, look_ahead_m=look_ahead_m
-    )
+    bearing = free_bearing_rad(desired_bearing_rad, range_ring_m)
     if bearing is None:
         return Drive(0.0, _SEARCH_TURN_RAD_S)
     turn = float(np.clip(_TURN_PER_S * bearing, -MAX_TURN_RAD_S, MAX_TURN_RAD_S))
@@ -216,7 +200,7 @@ class Wander:
 def wander(
     observation: Observation,
     generator: np.random.Generator,
-    state: Wander | None = None,
+    state: Wander = Wander(),
     been_xy_m: NDArray[np.float64] | None = None,
 ) -> tuple[Drive, Wander]:
     """Drive at random: keep a heading for 8-25 s, or until it is blocked, then draw another.
@@ -224,7 +208,6 @@ def wander(
     been_xy_m: (n, 2) places, by odometry, from which it rather drives away.
     """
     ring, yaw_rad = observation.range_ring_m, observation.odometry.yaw_rad
-    state = state or Wander()
     bearing = float(wrap_angle_rad(state.heading_rad - yaw_rad))
     over = observation.time_ns >= state.until_ns or observation.bumped
     if over or free_distances_m(ring, bearing)[0] < _SQUEEZE_LOOK_AHEAD_M:

@@ -28,16 +28,20 @@ from vrchain.landmarks.retrieval.lookup import sought
 from vrchain.landmarks.retrieval.recognition import Goal
 from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.tracker import Tracker
+from vrchain.navigation.following import Follower, _is_idle
 from vrchain.navigation.goal.arrival import Arrival
 from vrchain.navigation.goal.recognition import GoalPictures, GoalSight
-from vrchain.navigation.mission import MissionResult, _is_idle, _Mission, run_mission
+from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception
-from vrchain.navigation.planning.graph import landmark_graph
 from vrchain.navigation.planning.route import Leg, Plan, Route
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name, robot_of
 
 QUICK = MissionConfig(limit_s=200.0, explores=False)
 PATIENT = MissionConfig(explores=False)
+
+
+STREET_GOAL = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+NO_CALLS: Callable[..., None] = lambda *said, **values: None  # noqa: E731
 
 
 def within(centre: tuple[float, float], range_m: float):
@@ -54,14 +58,15 @@ def drive(
     goal: GoalPictures | None = None,
     index: PlainIndex | None = None,
     shut_in: bool = False,
-    told: list[Decision] | None = None,
+    tell: Callable[[Decision], object] = NO_CALLS,
     perception: Perception = PERCEPTION,
 ) -> tuple[MissionResult, Walker]:
     body = Walker(plain, start, shut_in)
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    tell = (lambda d: None) if told is None else told.append
-    return run_mission("R1", body, index.published, index, goal, perception, config, tell), body
+    return drive_mission(
+        "R1", body, index.published, index, goal, perception, config, cast(Any, tell)
+    ), body
 
 
 def words(result: MissionResult) -> list[str]:
@@ -112,7 +117,7 @@ def test_two_legs() -> None:
     plain = Plain(
         (
             Thing("goal", (30.0, 8.0), visible_from=beyond(18.0)),
-            Thing("first", (9.0, 1.0), radius_m=1.0),
+            Thing("first", (9.0, 1.0), radius_m=1.0, visible_from=lambda p: p.x_m < 12),
             Thing("left", (4.0, 9.0), visible_from=lambda p: p.x_m < 12),
             Thing("right", (5.0, -8.0), visible_from=lambda p: p.x_m < 12),
             Thing("second", (19.0, 0.0), radius_m=1.0, visible_from=beyond(5.0)),
@@ -121,10 +126,6 @@ def test_two_legs() -> None:
         )
     )
     team = {"R2": Pose(10.0, -3.5, 1.0), "R3": Pose(21.0, 4.0, -1.0)}
-    plain = replace(plain, things=tuple(
-        replace(t, visible_from=(lambda p: p.x_m < 12)) if t.name == "first" else t
-        for t in plain.things
-    ))  # fmt: skip
     result, body = drive(plain, team, config=PATIENT)
     check_log(result, PATIENT)
     assert result.arrived, result.decisions
@@ -136,45 +137,41 @@ def test_two_legs() -> None:
     assert route.after(1).score == pytest.approx(second, rel=0.1)  # and that it is the goal
 
 
-def test_an_empty_ledger() -> None:
-    result, body = drive(street(), {})
-    check_log(result)
-    assert not result.arrived and "no panorama of another robot" in result.reason
-    assert words(result) == ["gave up"] and body.path == []
+def west(pose: Pose) -> bool:
+    return pose.x_m < 5
 
 
-def test_nobody_sees_the_goal() -> None:
-    result, body = drive(street(), {"R2": Pose(1.0, -4.0, 1.0), "R3": Pose(-2.0, 3.0)})
-    check_log(result)
-    assert not result.arrived and "no other robot's panorama shows the goal" in result.reason
-    assert body.path == []
-
-
-def test_a_goal_that_is_nowhere() -> None:
-    goal = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
-    result, _ = drive(street(), TEAM, goal=goal)
-    assert not result.arrived and "shows the goal" in result.reason
-    blank = GoalPictures(sought([]), Goal(()), CALIBRATION, ())
-    result, _ = drive(street(), TEAM, goal=blank)
-    assert not result.arrived
-
-
-def test_no_chain_leads_to_who_sees_the_goal() -> None:
-    """All that R1 sees is hidden from R2."""
-    west = lambda pose: pose.x_m < 5  # noqa: E731
-    plain = Plain(
-        (
-            Thing("goal", GOAL_XY, visible_from=beyond(5.0)),
-            Thing("mine", (3.0, 6.0), visible_from=west),
-            Thing("also mine", (3.0, -6.0), visible_from=west),
-            Thing("yours", (12.0, -3.0), visible_from=beyond(5.0)),
-        )
+APART = Plain(  # all that R1 sees is hidden from R2
+    (
+        Thing("goal", GOAL_XY, visible_from=beyond(5.0)),
+        Thing("mine", (3.0, 6.0), visible_from=west),
+        Thing("also mine", (3.0, -6.0), visible_from=west),
+        Thing("yours", (12.0, -3.0), visible_from=beyond(5.0)),
     )
-    result, body = drive(plain, TEAM)
+)
+UNHEARD_OF = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2.0)
+
+
+@pytest.mark.parametrize(
+    ("plain", "others", "goal", "reason"),
+    [
+        (street(), {}, None, "the ledger holds no panorama of another robot"),
+        (street(), {"R2": Pose(1.0, -4.0, 1.0), "R3": Pose(-2.0, 3.0)}, None,
+         "no other robot's panorama shows the goal"),
+        (street(), TEAM, UNHEARD_OF, "no other robot's panorama shows the goal"),
+        (street(), TEAM, GoalPictures(sought([]), Goal(()), CALIBRATION, ()),
+         "no other robot's panorama shows the goal"),
+        (APART, TEAM, None, "R2 sees the goal, but no chain of common landmarks leads there"),
+    ],
+    ids=["empty ledger", "nobody sees it", "nowhere", "blank pictures", "no chain"],
+)  # fmt: skip
+def test_without_a_route_it_gives_up_where_it_stands(
+    plain: Plain, others: dict[str, Pose], goal: GoalPictures | None, reason: str
+) -> None:
+    result, body = drive(plain, others, goal=goal)
     check_log(result)
-    assert not result.arrived
-    assert "R2 sees the goal, but no chain of common landmarks leads there" in result.reason
-    assert body.path == []
+    assert not result.arrived and result.reason == reason
+    assert words(result) == ["gave up"] and body.path == []
 
 
 def test_what_vanishes_is_looked_for_where_it_was_and_given_up() -> None:
@@ -206,7 +203,7 @@ def test_what_was_blocked_before_and_shows_nothing_now_is_not_driven_to_for_ever
 
 
 def test_who_comes_by_again_from_elsewhere_is_led_to_a_landmark_anew() -> None:
-    ours = object.__new__(_Mission)
+    ours = object.__new__(Follower)
     ours.reached = {(b"", b"R2", 5): Pose(0.0, 0.0)}
     leg = Leg("R1", "R2", cast(Any, None), (b"", b"R2", 5), "N1")
     for x_m, reached in ((12.0, True), (60.0, False)):
@@ -250,7 +247,7 @@ def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
     posts = [Thing(f"post {k}", xy) for k, xy in enumerate(around)]
     plain = Plain((*street(visible_from=within(GOAL_XY, 9.0)).things, *posts))
     config = MissionConfig(limit_s=320.0, leg_limit_s=5.0, explores=False)
-    goal, index = street().goal("goal", 3.9, 3.4, -2.0, 1.0), PlainIndex(street(), TEAM)
+    goal, index = STREET_GOAL, PlainIndex(street(), TEAM)
     result, _ = drive(plain, {}, goal=goal, index=index, config=config)
     check_log(result, config)
     said = words(result)
@@ -274,7 +271,7 @@ def test_time_runs_out(limit_s: float) -> None:
 
 def test_looks_run_out() -> None:
     config = MissionConfig(max_looks=3)
-    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    goal = STREET_GOAL
     result, _ = drive(Plain(street().things[1:]), {}, goal=goal, config=config)
     check_log(result, config)
     assert result.reason == "the goal was not found in 3 looks around" and len(result.looks) == 3
@@ -288,7 +285,7 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
             *street().things[1:],
         )
     )
-    goal = street().goal("goal", 3.9, 3.4, -2.0, 1.0)
+    goal = STREET_GOAL
     easy = replace(PATIENT, least_trust=0.2)
     result, body = drive(plain, TEAM, goal=goal, config=easy)
     check_log(result, easy)
@@ -316,7 +313,7 @@ def test_on_a_long_way_to_the_goal_the_ledger_is_asked_anew() -> None:
         return index.published()
 
     body, goal = Walker(plain, HOME), plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    result = run_mission("R1", body, published, index, goal, PERCEPTION, QUICK)
+    result = drive_mission("R1", body, published, index, goal, PERCEPTION, QUICK)
     assert result.arrived and body.pose.distance_to_m((60.0, 8.0)) < 3.0
     on_the_way = [x_m for x_m in asked_at_m if 10.0 < x_m < 45.0]
     assert len(on_the_way) >= 2 and max(np.diff([0.0, *on_the_way, 45.0])) < 14.0
@@ -326,7 +323,7 @@ def test_on_a_long_way_to_the_goal_the_ledger_is_asked_anew() -> None:
     ("trust", "why"),
     [
         (1.0, "what R2, R3 saw is not the goal"),
-        (0.7, "R1 and R3 were not joined rightly"),  # joins are blamed first
+        (0.7, "R1 and R3 were not joined rightly"),  # relative poses are blamed first
     ],
 )
 def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(trust: float, why: str) -> None:
@@ -387,42 +384,22 @@ def test_a_member_that_publishes_junk_stops_nobody() -> None:
     assert not alone.arrived and alone.reason
 
 
-def test_every_decision_is_told_as_it_is_made() -> None:
-    told: list[Decision] = []
-    result, _ = drive(street(), TEAM, told=told)
-    assert tuple(told) == result.decisions
-
-
-def test_a_failing_listener_is_not_swallowed() -> None:
+def test_every_decision_is_told_as_it_is_made_and_a_failing_listener_is_not_swallowed() -> None:
     class Stop(Exception):
         pass
 
-    def tell(decision: Decision) -> None:
+    def stop(decision: Decision) -> None:
         raise Stop
 
-    plain = street()
-    index = PlainIndex(plain, TEAM)
+    told: list[Decision] = []
+    result, _ = drive(street(), TEAM, tell=told.append)
+    assert tuple(told) == result.decisions
     with pytest.raises(Stop):
-        run_mission(
-            "R1",
-            Walker(plain, HOME),
-            index.published,
-            index,
-            plain.goal("goal", 3.9),
-            PERCEPTION,
-            QUICK,
-            tell,
-        )
-
-
-def test_the_same_mission_is_the_same_twice() -> None:
-    runs = [drive(street(), TEAM) for _ in range(2)]
-    assert runs[0][0].decisions == runs[1][0].decisions
-    assert runs[0][1].path == runs[1][1].path
+        drive(street(), TEAM, tell=stop)
 
 
 def test_where_the_world_lies_and_how_the_robot_is_turned_make_no_difference() -> None:
-    """The plain is moved and turned under the robots: the log stays as it is."""
+    """The plain is moved and turned under the robots, or nothing is: the log stays as it is."""
     angle, offset = 2.1, np.array([30.0, -70.0])
     c, s = np.cos(angle), np.sin(angle)
     turn = np.array([[c, -s], [s, c]])
@@ -442,11 +419,10 @@ def test_where_the_world_lies_and_how_the_robot_is_turned_make_no_difference() -
         def ring_m(self, pose: Pose):
             return super().ring_m(back(pose))
 
-    plain, goal = street(), street().goal("goal", 3.9, 3.4, -2.0, 1.0)
-    here, _ = drive(plain, TEAM, goal=goal)
-    elsewhere, _ = drive(
-        Moved(plain.things), {n: there(p) for n, p in TEAM.items()}, start=there(HOME), goal=goal
-    )
+    (here, body), (again, other) = (drive(street(), TEAM) for _ in range(2))
+    assert here.decisions == again.decisions and body.path == other.path
+    team = {n: there(p) for n, p in TEAM.items()}
+    elsewhere, _ = drive(Moved(street().things), team, start=there(HOME), goal=STREET_GOAL)
     assert len(here.decisions) == len(elsewhere.decisions) > 4
     for a, b in zip(here.decisions, elsewhere.decisions, strict=True):
         assert (a.time_s, a.what, a.why, a.look) == (b.time_s, b.what, b.why, b.look)
@@ -487,19 +463,19 @@ def test_a_trail_of_panoramas_leads_to_a_goal_that_was_seen_long_ago() -> None:
 def test_a_leg_that_is_cut_off_makes_what_is_left_no_surer(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    """R2 went a long way round: the robot goes straight on, by a join that may yet be wrong."""
+    """R2 went a long way round: the robot goes straight on, by a pose that may yet be wrong."""
     stood = [Pose(*xy_m, 3.0) for xy_m in ((52, 1), (45, 20), (30, 40), (15, 25), (0, 1))]
     names = [panorama_name("R2", k) for k in range(len(stood))]
     moved = {n: relative(a, b) for n, (b, a) in zip(names, pairwise(stood), strict=False)}
     index = PlainIndex(avenue(), dict(zip(names, stood, strict=True)), moved)
     left = []
-    regard = _Mission.regard
+    regard = Follower.regard
 
-    def noted(self: _Mission, look: Look, route: Route) -> object:
+    def noted(self: Follower, look: Look, route: Route) -> object:
         left.append((len(self.plans), route.score))
         return regard(self, look, route)
 
-    monkeypatch.setattr(_Mission, "regard", noted)
+    monkeypatch.setattr(Follower, "regard", noted)
     start, goal = Pose(-4.0, -1.0, 1.0), avenue().goal("goal", 3.0, 2.0, -2.0)
     perception = replace(PERCEPTION, trust=lambda a, b, found: 0.9)
     result, body = drive(avenue(), {}, start=start, goal=goal, index=index, perception=perception)
@@ -573,16 +549,14 @@ def test_a_better_route_seen_on_the_way_to_a_lookout_is_followed(
     seen: str, trust: float, leads: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """None goes to a lookout from where the goal was hardly seen."""
-    better = Plan(None, (), landmark_graph(["R1"], [], {}), {}, ())
-    ours = object.__new__(_Mission)
-    ours.config, followed = MissionConfig(), []
-    monkeypatch.setattr(ours, "log", lambda *said: None, raising=False)
+    better = object.__new__(Plan)
+    ours = object.__new__(Follower)
+    ours.config, ours.log, followed = MissionConfig(), NO_CALLS, []
     found = better if seen == "a better plan" else seen
     monkeypatch.setattr(ours, "approach", lambda *asked: found)
     monkeypatch.setattr(ours, "follow", lambda plan: followed.append(plan) or True)
-    lookout = Tracker.of_place(
-        "where R2 looked around", Estimate(np.zeros(2), np.eye(2)), CALIBRATION
-    )
+    place = Estimate(np.zeros(2), np.eye(2))
+    lookout = Tracker("where R2 looked around", place, CALIBRATION)
     route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5, trust)
     assert ours.from_lookout(lookout, route) == leads
     assert followed == [better] * leads

@@ -7,8 +7,7 @@ from plains import Plain, Thing
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
-from vrchain.navigation.perception import in_robots_frame, surface_m, trusted
-from vrchain.robot import Observation
+from vrchain.navigation.perception import surface_m, trust, turned
 
 HERE = Pose(0.0, 0.0)
 STREET = Plain(tuple(Thing(f"t{i}", (12 * np.cos(i), 12 * np.sin(i))) for i in range(6)))
@@ -16,16 +15,14 @@ STREET = Plain(tuple(Thing(f"t{i}", (12 * np.cos(i), 12 * np.sin(i))) for i in r
 
 def test_what_one_camera_sees_is_told_from_the_robots_heading() -> None:
     look = STREET.look(HERE)
-    seen = Observation(0, HERE, np.full(72, 8.0), view_rad=0.7)
-    turned = in_robots_frame(look, seen)
+    told = turned(look, 0.7)
     for before, after in (
-        (look.proposals.bearing_rad, turned.proposals.bearing_rad),
-        (look.features.bearing_rad, turned.features.bearing_rad),
-        (look.spots.bearing_rad, turned.spots.bearing_rad),
+        (look.proposals.bearing_rad, told.proposals.bearing_rad),
+        (look.features.bearing_rad, told.features.bearing_rad),
+        (look.spots.bearing_rad, told.spots.bearing_rad),
     ):
         assert np.exp(1j * after) == pytest.approx(np.exp(1j * (before + 0.7)))
-    assert turned.proposals.box[:, :2] == pytest.approx(look.proposals.box[:, :2] + 0.7)
-    assert in_robots_frame(look, replace(seen, view_rad=None)) is look
+    assert told.proposals.box[:, :2] == pytest.approx(look.proposals.box[:, :2] + 0.7)
 
 
 def found(n: int, score: float = 0.9, way_m: float = np.inf) -> Comparison:
@@ -36,17 +33,17 @@ def found(n: int, score: float = 0.9, way_m: float = np.inf) -> Comparison:
     return Comparison((CommonLandmark(score, region, region, none, none),) * n, geometry)
 
 
-def test_a_join_is_trusted_more_the_more_speaks_for_it() -> None:
+def test_a_relative_pose_is_trusted_more_the_more_speaks_for_it() -> None:
     crowd = (Thing(f"t{i}", (30 * np.cos(i), 30 * np.sin(i))) for i in range(60))
     look = Plain(tuple(crowd)).look(HERE)
-    by_claims = [trusted(look, look, found(n, way_m=15.0)) for n in range(6)]
+    by_claims = [trust(look, look, found(n, way_m=15.0)) for n in range(6)]
     assert by_claims[0] == 0.0 and (np.diff(by_claims) > 0).all() and by_claims[-1] < 1.0
-    by_score = [trusted(look, look, found(2, score, 15.0)) for score in (0.75, 0.85, 0.95)]
+    by_score = [trust(look, look, found(2, score, 15.0)) for score in (0.75, 0.85, 0.95)]
     assert (np.diff(by_score) > 0).all()
     # what looks alike by chance seems to be near
-    by_way = [trusted(look, look, found(2, way_m=way_m)) for way_m in (5.0, 10.0, 20.0)]
+    by_way = [trust(look, look, found(2, way_m=way_m)) for way_m in (5.0, 10.0, 20.0)]
     assert (np.diff(by_way) > 0).all()
-    assert trusted(look, look, found(0)) == 0.0 < trusted(look, look, found(2)) < 1.0
+    assert trust(look, look, found(0)) == 0.0 < trust(look, look, found(2)) < 1.0
 
 
 def test_a_things_side_is_where_it_stands_on_the_ground() -> None:

@@ -14,15 +14,14 @@ from vrchain.robot import STOP
 from vrchain.simulation.mission import index_of, published_of
 from vrchain.simulation.patrol import LOOK_EVERY_M, Patrol
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.team import assemble
+from vrchain.simulation.team import assemble, team_ledger
 
 PLACES = {"R1": Pose(0.0, 6.0, 2.0), "R2": Pose(-10.0, -6.0), "R3": Pose(10.0, 6.0, -1.0)}
 
 
 def patrolled(folder: Path, seconds: float = 90.0) -> tuple[Simulator, Ledger]:
     simulator = Simulator(hamlet(), PLACES, seed=1, rig=RIG)
-    members = {name: simulated_key(1, name).public for name in PLACES}
-    ledger = Ledger.create(folder, members, simulated_key(1, "operator"))
+    ledger = team_ledger(folder, PLACES, 1)
     robots = assemble(simulator, ledger, 1)
     patrol = Patrol(simulator, {name: robots[name] for name in ("R2", "R3")}, 1)
     patrol.drive(seconds)
@@ -68,12 +67,11 @@ def test_what_others_remember_of_it_is_named_from_the_newest_back(tmp_path: Path
 
 def test_nobody_tells_what_is_in_the_panorama_of_another(tmp_path: Path) -> None:
     """R2 publishes what R3 did, with landmarks of its own: R3's panorama keeps R3's."""
-    keys = {name: simulated_key(1, name) for name in ("R1", "R2", "R3")}
-    members = {name: key.public for name, key in keys.items()}
     perception = cast(Any, SimpleNamespace(stored=lambda *what: what, compare=None))
-    with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
+    with team_ledger(tmp_path / "ledger", PLACES, 1) as ledger:
         for name, record in (("R3", b"honest"), ("R2", b"lie"), ("R1", None)):
-            ledger.publish(name, keys[name], b"panorama", "start", 1, landmarks=record)
+            key = simulated_key(1, name)
+            ledger.publish(name, key, b"panorama", "start", 1, landmarks=record)
         known, index = published_of(ledger, "R4")(), index_of(ledger, perception)
         shown = {name: index.look(p.digest) for name, p in known.items()}
     assert shown == {"R1": (b"panorama", None), "R2": (b"panorama", b"lie"),

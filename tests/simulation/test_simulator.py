@@ -7,8 +7,9 @@ from vrchain.experiments.reproduction.results import suburb
 from vrchain.geometry import Pose
 from vrchain.robot import MAX_TURN_RAD_S, Drive, Wander, wander
 from vrchain.seeding import generator
-from vrchain.simulation.simulator import SensorNoise, Simulator
-from vrchain.world.model import ROBOT_RADIUS_M, Scene, place
+from vrchain.simulation.sensors import SensorNoise
+from vrchain.simulation.simulator import Simulator
+from vrchain.world.model import ROBOT_RADIUS_M, Scene, SceneObject, place
 from vrchain.world.truth import GroundTruth
 
 EXACT = SensorNoise(0.0, 0.0, 0.0, 0.0, 0.0)
@@ -18,11 +19,13 @@ EMPTY = worlds.world(extent_m=(100.0, 100.0))
 
 @pytest.mark.parametrize("speed_m_s", [0.05, 0.7, 1000.0])
 @pytest.mark.parametrize("duration_s", [0.05, 1.0, 240.0])
-@pytest.mark.parametrize("yaw_rad", [0.0, 0.9])
+@pytest.mark.parametrize("yaw_rad", [0.0, 0.9, np.pi])
 def test_a_wall_is_never_passed(speed_m_s: float, duration_s: float, yaw_rad: float) -> None:
+    """Neither ahead nor backwards."""
     simulator = Simulator(worlds.walled(), {"R1": Pose(4.2, 0, yaw_rad)}, seed=0)
+    backwards = abs(yaw_rad) > np.pi / 2
     for _ in range(max(2, min(300, int(240 / duration_s)))):
-        simulator.step({"R1": Drive(speed_m_s)}, duration_s)
+        simulator.step({"R1": Drive(-speed_m_s if backwards else speed_m_s)}, duration_s)
     path = simulator.path_xy_m("R1")
     assert simulator.scene.is_free(path).all()
     gap_m = 5.0 - ROBOT_RADIUS_M - path[:, 0].max()
@@ -31,27 +34,19 @@ def test_a_wall_is_never_passed(speed_m_s: float, duration_s: float, yaw_rad: fl
         assert simulator.collisions("R1") == 1
 
 
-def test_a_robot_cannot_back_through_a_wall_either() -> None:
-    simulator = Simulator(worlds.walled(), {"R1": Pose(3, 0, np.pi)}, seed=0)
-    simulator.step({"R1": Drive(-5.0, 0.01)}, 30.0)
-    assert simulator.pose("R1").x_m < 5.0 - ROBOT_RADIUS_M
-    assert simulator.observe("R1").bumped
-
-
-def test_a_thin_post_stops_a_robot() -> None:
-    post = worlds.box("post", (3, 0.2), (0.05, 0.05, 1.0), GREY)
-    simulator = Simulator(worlds.world(post), {"R1": Pose(0, 0)}, seed=0)
-    simulator.step({"R1": Drive(0.7)}, 20.0)
-    assert simulator.collisions("R1") == 1
-    assert 2.5 < simulator.pose("R1").x_m < 3.0
-
-
-def test_what_hangs_above_the_robot_does_not_stop_it() -> None:
-    roof = worlds.box("roof", (3, 0), (2, 2, 0.5), GREY, base_m=2.2)
-    simulator = Simulator(worlds.world(roof), {"R1": Pose(0, 0)}, seed=0)
+@pytest.mark.parametrize(
+    ("thing", "x_m"),
+    [
+        (worlds.box("post", (3, 0.2), (0.05, 0.05, 1.0), GREY), (2.5, 3.0)),
+        (worlds.box("roof", (3, 0), (2, 2, 0.5), GREY, base_m=2.2), (6.999, 7.001)),
+    ],
+    ids=["a thin post", "what hangs above it"],
+)
+def test_what_is_in_the_way_stops_a_robot(thing: SceneObject, x_m: tuple[float, float]) -> None:
+    simulator = Simulator(worlds.world(thing), {"R1": Pose(0, 0)}, seed=0)
     simulator.step({"R1": Drive(0.7)}, 10.0)
-    assert simulator.pose("R1").x_m == pytest.approx(7.0)
-    assert simulator.collisions("R1") == 0
+    assert x_m[0] < simulator.pose("R1").x_m < x_m[1]
+    assert simulator.collisions("R1") == (thing.name == "post")
 
 
 def test_only_what_is_low_enough_stops_the_robot() -> None:
@@ -112,22 +107,17 @@ def test_commands_beyond_the_limits_are_cut() -> None:
 
 def test_a_circle_ends_where_it_began() -> None:
     simulator = Simulator(EMPTY, {"R1": Pose(1, 2, 0.3)}, seed=0, noise=EXACT)
+    assert simulator.robots == ("R1",) and simulator.observe("R1").time_ns == 0
     for _ in range(100):
         simulator.step({"R1": Drive(0.5, 0.25)}, 2 * np.pi / 0.25 / 100)
+    assert simulator.clock_ns == simulator.observe("R1").time_ns  # nanoseconds
+    assert simulator.clock_ns == pytest.approx(2 * np.pi / 0.25 * 1e9, abs=100)
+    assert simulator.times_s[-1] == simulator.clock_ns / 1e9
     pose, path = simulator.pose("R1"), simulator.path_xy_m("R1")
     assert pose.distance_to_m([1, 2]) < 1e-6
     assert pose.yaw_rad == pytest.approx(0.3)
     assert path.shape == (101, 2)
     assert np.linalg.norm(path[50] - path[0]) == pytest.approx(4.0, rel=1e-3)  # its diameter
-
-
-def test_the_clock_starts_at_zero_and_counts_nanoseconds() -> None:
-    simulator = Simulator(EMPTY, {"R1": Pose(0, 0)}, seed=0)
-    assert simulator.observe("R1").time_ns == 0
-    for _ in range(10):
-        simulator.step({}, 0.1)
-    assert simulator.clock_ns == simulator.observe("R1").time_ns == 1_000_000_000
-    assert simulator.robots == ("R1",)
 
 
 @pytest.mark.parametrize(

@@ -21,6 +21,7 @@ from vrchain.simulation.task import (
     robot_names,
 )
 from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
 
 FULL = CameraRig()
 
@@ -82,14 +83,17 @@ def test_the_same_seed_draws_the_same_task_and_another_draws_another() -> None:
     assert drawn[0] != drawn[2]
 
 
-def test_a_goal_is_drawn_among_houses() -> None:
+def test_a_goal_is_drawn_among_houses_and_the_robot_that_drives_is_named_first() -> None:
     task = draw_task(hamlet(), hamlet_truth(), RIG, 0, 2, "R2")
     assert task.goal.startswith("house")
     assert list(task.places) == ["R2", "R1"]
+    assert robot_names(3) == ["R1", "R2", "R3"]
+    assert robot_names(20, "R20")[0] == "R20"
 
 
-def test_what_cannot_be_drawn_is_refused() -> None:
-    cases = [
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
         ({"goal": "house 99"}, "no object 'house 99'"),
         ({"goal": "ground"}, "no landmark"),
         ({"robot": "R9"}, "no robot 'R9'"),
@@ -97,18 +101,13 @@ def test_what_cannot_be_drawn_is_refused() -> None:
         ({"n_robots": 1}, "expected 2 to 20 robots, got 1"),
         ({"n_robots": 21}, "expected 2 to 20 robots, got 21"),
         ({"n_robots": -3}, "expected 2 to 20"),
-    ]
-    for options, message in cases:
-        with pytest.raises(MissionError, match=message):
-            draw_task(hamlet(), hamlet_truth(), RIG, 0, **options)
-
-
-def test_a_scene_without_houses_needs_a_named_goal() -> None:
-    from vrchain.world.truth import GroundTruth
-
-    scene = worlds.yard()
-    with pytest.raises(MissionError, match="name a --goal"):
-        draw_task(scene, GroundTruth(scene), RIG, 0)
+        ({"scene": worlds.yard()}, "name a --goal"),  # it has no house
+    ],
+)
+def test_what_cannot_be_drawn_is_refused(options: dict, message: str) -> None:
+    asked = {"scene": hamlet(), "truth": hamlet_truth(), "rig": RIG, "seed": 0, **options}
+    with pytest.raises(MissionError, match=message):
+        draw_task(**asked)
 
 
 @pytest.fixture
@@ -126,8 +125,6 @@ def test_too_many_robots_for_the_place_is_said_plainly() -> None:
 
 @pytest.mark.usefixtures("_few_draws")
 def test_a_goal_in_plain_view_of_everywhere_is_said_plainly() -> None:
-    from vrchain.world.truth import GroundTruth
-
     tower = worlds.box("tower", (0, 0), (2, 2, 3), worlds.blotches("tower"))
     scene = worlds.world(tower)
     with pytest.raises(MissionError, match="'tower'"):
@@ -136,24 +133,11 @@ def test_a_goal_in_plain_view_of_everywhere_is_said_plainly() -> None:
 
 @pytest.mark.usefixtures("_few_draws")
 def test_a_goal_that_is_shut_in_has_no_pictures() -> None:
-    from vrchain.world.truth import GroundTruth
-
     goal = worlds.box("goal", (0, 0), (1, 1, 1), worlds.blotches("goal"))
-    sides = [
-        ((0, 4), (9, 0.2, 4)),
-        ((0, -4), (9, 0.2, 4)),
-        ((4, 0), (0.2, 9, 4)),
-        ((-4, 0), (0.2, 9, 4)),
-    ]
-    walls = [worlds.box(f"w{k}", c, s, worlds.plain(worlds.RED)) for k, (c, s) in enumerate(sides)]
+    sides = {(0, 4): (9, 0.2, 4), (0, -4): (9, 0.2, 4), (4, 0): (0.2, 9, 4), (-4, 0): (0.2, 9, 4)}
+    walls = [worlds.box(f"w{c}", c, size, worlds.blotches("w")) for c, size in sides.items()]
     scene = worlds.world(goal, *walls)
     truth = GroundTruth(scene)
     assert goal_poses(scene, truth, scene.index_of("goal"), 0) == []
     with pytest.raises(MissionError):
         draw_task(scene, truth, RIG, 0, goal="goal")
-
-
-def test_robot_names_begin_with_the_one_that_drives() -> None:
-    assert robot_names(3) == ["R1", "R2", "R3"]
-    assert robot_names(3, "R2") == ["R2", "R1", "R3"]
-    assert robot_names(20, "R20")[0] == "R20"

@@ -8,30 +8,24 @@ import worlds
 from hamlet import GOAL, hamlet, hamlet_truth
 from sights import RIG
 
-from vrchain.errors import SpecError
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
 from vrchain.landmarks.extraction.sift import NO_FEATURES
-from vrchain.ledger import Ledger, simulated_key, verify
+from vrchain.ledger import Ledger, verify
 from vrchain.ledger.records.transaction import NO_BLOB
-from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama import Panorama
 from vrchain.robot import Drive, UpdateRules
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import Task, draw_task
-from vrchain.simulation.team import PublishingRobot, assemble, drive_to_places
-
-FULL = CameraRig()
-
+from vrchain.simulation.team import PublishingRobot, assemble, drive_to_places, team_ledger
 
 RULES = UpdateRules(distance_m=3.0, view_change=5.0, max_age_s=20.0)
 
 
 def one_robot(folder: Path, rules: UpdateRules = RULES) -> tuple[PublishingRobot, Ledger]:
     simulator = Simulator(worlds.yard(), {"R1": Pose(0, 0)}, seed=3, rig=worlds.SMALL_RIG)
-    ledger = Ledger.create(
-        folder / "ledger", {"R1": simulated_key(3, "R1").public}, simulated_key(3, "operator")
-    )
+    ledger = team_ledger(folder / "ledger", simulator.robots, 3)
     return assemble(simulator, ledger, 3, rules)["R1"], ledger
 
 
@@ -51,17 +45,15 @@ def test_a_robot_publishes_by_the_rules(tmp_path: Path) -> None:
         robot.simulator.step({}, 20.0)
         robot.observe(look=True)
         assert [p.rule for p in robot.publications][2] == "time"
-        newest = ledger.latest("R1")
-        assert (
-            newest.reason == "time" and newest.payload_digest.hex() == robot.publications[-1].digest
-        )
+        newest, told = ledger.latest("R1"), robot.publications[-1]
+        assert newest.reason == "time" and newest.payload_digest.hex() == told.digest
         assert newest.timestamp_ns == robot.simulator.clock_ns
         times = [p.time_s for p in robot.publications]
         assert times == sorted(times)
-        stored = Panorama.decode(ledger.payload(newest.payload_digest))
-        assert stored.rig == worlds.SMALL_RIG
-        assert robot.publications[-1].payload_bytes == len(ledger.payload(newest.payload_digest))
-        assert robot.publications[-1].x_m == robot.simulator.pose("R1").x_m
+        blob = ledger.payload(newest.payload_digest)
+        assert Panorama.decode(blob).rig == worlds.SMALL_RIG
+        assert told.payload_bytes == len(blob)
+        assert told.x_m == robot.simulator.pose("R1").x_m
     assert verify(tmp_path / "ledger").ok
 
 
@@ -69,9 +61,8 @@ def test_landmarks_and_the_way_driven_are_published_where_they_are_asked_for(
     tmp_path: Path,
 ) -> None:
     simulator = Simulator(worlds.yard(), {"R1": Pose(0, 0), "R2": Pose(2, 2)}, seed=1, rig=RIG)
-    members = {name: simulated_key(1, name).public for name in simulator.robots}
     shown = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
-    with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
+    with team_ledger(tmp_path / "ledger", simulator.robots, 1) as ledger:
         described = assemble(simulator, ledger, 1, RULES, lambda seen: shown)["R1"]
         plain = assemble(simulator, ledger, 1)["R2"]
         stood = [described.observe(look=True).odometry]
@@ -125,8 +116,7 @@ def test_watching_looks_only_now_and_then(tmp_path: Path) -> None:
 def test_a_team_drives_to_its_places_and_publishes_there(tmp_path: Path) -> None:
     task = draw_task(hamlet(), hamlet_truth(), RIG, 1, 3, goal=GOAL)
     simulator = Simulator(hamlet(), task.starts, seed=1, rig=worlds.SMALL_RIG)
-    members = {name: simulated_key(1, name).public for name in task.starts}
-    with Ledger.create(tmp_path / "ledger", members, simulated_key(1, "operator")) as ledger:
+    with team_ledger(tmp_path / "ledger", simulator.robots, 1) as ledger:
         robots = assemble(simulator, ledger, 1)
         drive_to_places(simulator, robots, task)
         for name, robot in robots.items():
@@ -146,15 +136,9 @@ def test_a_place_that_cannot_be_reached_does_not_hold_up_the_team(tmp_path: Path
     scene = worlds.walled(3.0)
     task = Task({"R1": Pose(12.0, 0.0)}, {"R1": start}, "wall", ())
     simulator = Simulator(scene, task.starts, seed=0, rig=worlds.SMALL_RIG)
-    members = {"R1": simulated_key(0, "R1").public}
-    with Ledger.create(tmp_path / "ledger", members, simulated_key(0, "operator")) as ledger:
+    with team_ledger(tmp_path / "ledger", simulator.robots, 0) as ledger:
         robots = assemble(simulator, ledger, 0)
         drive_to_places(simulator, robots, task)
         assert ledger.latest("R1") is not None
     assert simulator.clock_ns <= 125e9
     assert simulator.pose("R1").x_m < 3
-
-
-def test_rules_that_are_none_are_refused() -> None:
-    with pytest.raises(SpecError):
-        UpdateRules(distance_m=0)

@@ -167,7 +167,7 @@ def navigate(
     with doing(f"building {spec}"):
         scene = load_scene(spec)
     with output_folder(output, mission.MARKER) as folder:
-        run = mission.run(
+        run = mission.run_mission(
             scene, folder / "ledger", seed=seed, n_robots=robots, robot=robot, goal=goal, tell=tell
         )
         mission.save_log(run, folder)

@@ -119,7 +119,7 @@ def _first_minute(spec: Path, seed: int) -> list[bytes]:
     from vrchain.world import load_scene
 
     with tempfile.TemporaryDirectory() as folder:
-        run = mission.run(
+        run = mission.run_mission(
             load_scene(spec), Path(folder) / "ledger", seed=seed, config=MissionConfig(limit_s=60.0)
         )
     return [f"{d.time_s} {d.what} {d.why}\n".encode() for d in run.result.decisions]

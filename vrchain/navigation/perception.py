@@ -1,4 +1,4 @@
-"""What a robot makes of what it sees: landmark records, their comparison, and the goal in them."""
+"""What a robot makes of what it sees: its looks, their comparison, and how far that is trusted."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,11 +26,11 @@ from vrchain.navigation.planning.relative_poses import baseline_m
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.robot import Observation
 
-# A route weighs claims by their scores, and by the chance that panoramas were joined rightly.
+# A route weighs claims by their scores, and by the chance that relative poses are right.
 PLANNING = JointConfig(min_score=LEAST_CLAIM, min_joined=0.0)
-# Log-odds that panoramas of a ledger were joined rightly: so much, so many times those by claims,
-# and so many times the log of the way between them over a typical one. Logistic regression on
-# the joins of three patrols, all robots' panoramas with all others', of seeds 1311 and 1312.
+# Log-odds that the relative pose of panoramas of a ledger is right: so much, so many times those by
+# claims, and so many times the log of the way between them over a typical one. Logistic regression
+# on all pairs of three patrols' panoramas, of seeds 1311 and 1312.
 _LESS, _STEEP, _BY_WAY, _TYPICAL_M = -0.57, 1.8, 2.4, 15.0
 _SUREST = 0.995
 
@@ -67,8 +67,7 @@ class Perception:
     """examine: what a robot makes of an observation with a panorama or a view.
 
     stored: what it makes of a panorama's bytes and of the record published with it, or None.
-    compare: what two looks have in common; trust: the chance that they were joined rightly.
-    alike: how much their proposals look alike, without a comparison.
+    compare: what two looks have in common; trust: the chance that their relative pose is right.
     """
 
     examine: Callable[[Observation], Look]
@@ -78,9 +77,10 @@ class Perception:
     trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0
 
     def alike(self, a: Look, b: Look) -> float:
-        """How much looks speak for landmarks in common, of as many as there may be.
+        """How much looks speak for landmarks in common, without a comparison.
 
-        By the log-likelihood ratios of proposals that are each other's most alike.
+        By the log-likelihood ratios of proposals that are each other's most alike, of as many as
+        there may be.
         """
         one, other = a.proposals.embedding, b.proposals.embedding
         if len(one) == 0 or len(other) == 0:
@@ -99,22 +99,20 @@ class Perception:
 
 
 def learned_perception(weights: Path = SHIPPED, config: JointConfig = PLANNING) -> Perception:
-    """Eyes by the network and by SIFT; LearnedError without torch or weights."""
+    """Perception by the network and by SIFT; LearnedError without torch or weights."""
     calibration = load_calibration(weights)
-    last: list[tuple[Panorama, Look]] = []  # what is published was just looked at
     decoded = lru_cache(maxsize=1)(Panorama.decode)  # the goal is sought in parts of it
 
+    @lru_cache(maxsize=1)  # what is published was just looked at
+    def examined(panorama: Panorama, view_rad: float | None) -> Look:
+        if view_rad is None:
+            return look_at(examine_quickly(panorama, weights), lambda: panorama)
+        record = examine(panorama, weights, features=NO_FEATURES)  # it is compared with nothing
+        return turned(look_at(record, lambda: panorama), view_rad)
+
     def look(seen: Observation) -> Look:
-        panorama = seen.panorama
-        assert panorama is not None
-        if not last or last[0][0] is not panorama:
-            if seen.view_rad is None:
-                record = examine_quickly(panorama, weights)
-            else:  # a glance is compared with nothing
-                record = examine(panorama, weights, features=NO_FEATURES)
-            made = look_at(record, lambda: panorama)
-            last[:] = [(panorama, in_robots_frame(made, seen))]
-        return last[0][1]
+        assert seen.panorama is not None
+        return examined(seen.panorama, seen.view_rad)
 
     def stored(panorama: bytes, landmarks: bytes | None) -> Look:
         return look_at(record_from(panorama, landmarks, weights), lambda: decoded(panorama))
@@ -123,7 +121,7 @@ def learned_perception(weights: Path = SHIPPED, config: JointConfig = PLANNING) 
         assert a.record is not None and b.record is not None, "only whole panoramas are compared"
         return compare_joint(a.record, b.record, config, calibration)
 
-    return Perception(look, stored, compare, calibration, trusted)
+    return Perception(look, stored, compare, calibration, trust)
 
 
 def look_at(record: LandmarkRecord, panorama: Callable[[], Panorama]) -> Look:
@@ -138,8 +136,8 @@ def look_at(record: LandmarkRecord, panorama: Callable[[], Panorama]) -> Look:
     )
 
 
-def trusted(a: Look, b: Look, found: Comparison) -> float:
-    """The chance that panoramas were joined rightly, by their claims and the way between them.
+def trust(a: Look, b: Look, found: Comparison) -> float:
+    """The chance that a relative pose is right, by the claims and the way between the panoramas.
 
     What a ledger says is asked of hundreds: those that look alike by chance seem to be near.
     """
@@ -153,19 +151,16 @@ def trusted(a: Look, b: Look, found: Comparison) -> float:
     return float(odds / (1 + odds))
 
 
-def in_robots_frame(look: Look, seen: Observation) -> Look:
-    """A look through one camera, its bearings from the robot's heading."""
-    if seen.view_rad is None:
-        return look
-    turn = seen.view_rad
+def turned(look: Look, view_rad: float) -> Look:
+    """A look through one camera, along a bearing, told from the robot's heading."""
     p, spots = look.proposals, look.spots
-    box = p.box + np.array([turn, turn, 0.0, 0.0])
-    proposals = replace(p, box=box, bearing_rad=wrap_angle_rad(p.bearing_rad + turn))
-    spots = replace(spots, bearing_rad=wrap_angle_rad(spots.bearing_rad + turn))
+    box = p.box + np.array([view_rad, view_rad, 0.0, 0.0])
+    proposals = replace(p, box=box, bearing_rad=wrap_angle_rad(p.bearing_rad + view_rad))
+    spots = replace(spots, bearing_rad=wrap_angle_rad(spots.bearing_rad + view_rad))
 
     def features() -> Features:
         f = look.features
-        return replace(f, bearing_rad=wrap_angle_rad(f.bearing_rad + turn))
+        return replace(f, bearing_rad=wrap_angle_rad(f.bearing_rad + view_rad))
 
     return Look(look.rig, proposals, features, spots)
 

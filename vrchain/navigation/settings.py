@@ -31,17 +31,17 @@ class MissionConfig:
     search_every_m: float = 8.0  # and where no route is known
     sees_m: float = 35.0  # from farther away a glance at the goal tells nothing
     tick_s: float = 0.3  # between two steering commands
-    sure_chance: float = 0.8  # that a sight is of the goal, and
-    sure_looks: float = 2.6  # log-likelihood ratio of its looks, most houses like it have less, and
-    # keypoints more than by chance in one sight, to claim arrival; or fewer in one that looks like
-    # nothing else. Of houses of the goal's make that were met, the likest in one sight and by its
-    # looks: 23 and 2.8, 18 and 3.3, 16 and 2.7, 9 and 2.8, 5 and 3.5.
+    # To claim arrival: chance of a sight, log-likelihood ratio of its looks, and keypoints beyond
+    # those by chance; fewer keypoints in one that looks like nothing else. Houses of its make that
+    # were met had at most 23 and looks of 2.8, 18 and 3.3, 16 and 2.7, 9 and 2.8, 5 and 3.5.
+    sure_chance: float = 0.8
+    sure_looks: float = 2.6
     sure_matches: int = 36
     surest_looks: float = 3.2
     surest_matches: int = 24
-    least_matches: int = 8  # fewer, down to this, as a plain goal's pictures show few
-    # Chance of a sight from which nothing else is tried first: of 54 times that it was 0.5 to 0.7,
-    # in suburbs of seeds 10046 and 10047, 12 were right.
+    least_matches: int = 8  # of a plain goal, whose pictures show few
+    # Of a sight from which nothing else is tried first; of 54 with 0.5 to 0.7, in suburbs of seeds
+    # 10046 and 10047, 12 were right.
     likely: float = 0.7
     least_chance: float = 0.1  # of a sight that is kept in mind
     least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too

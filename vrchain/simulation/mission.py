@@ -1,4 +1,8 @@
-"""One mission from a scene file to its end: the team, its ledger, the drive, and the truth."""
+"""A whole mission in a scene: the team and its ledger, the drive, and whether it truly arrived.
+
+``run_mission`` is what users call. The drive itself, by what the robot senses, is
+``vrchain.navigation.mission.drive_mission``.
+"""
 
 import json
 from collections.abc import Callable
@@ -13,17 +17,17 @@ from numpy.typing import NDArray
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.ledger import Ledger, simulated_key
+from vrchain.ledger import Ledger
 from vrchain.ledger.records.encoding import DIGEST_BYTES
 from vrchain.ledger.records.transaction import NO_BLOB
 from vrchain.navigation.goal.recognition import goal_from
-from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import Task, draw_task, goal_pictures, scene_task
-from vrchain.simulation.team import assemble, drive_to_places
+from vrchain.simulation.team import assemble, drive_to_places, team_ledger
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
@@ -58,6 +62,7 @@ class MissionRun:
 
     def summary(self) -> dict:
         """The outcome as plain values."""
+        steps_m = np.diff(self.paths_xy_m[self.robot], axis=0)
         return {
             "robot": self.robot,
             "goal": self.task.goal,
@@ -65,7 +70,7 @@ class MissionRun:
             "success": self.success,
             "reason": self.result.reason,
             "range_m": round(self.range_m, 2),
-            "driven_m": round(_length_m(self.paths_xy_m[self.robot]), 2),
+            "driven_m": round(float(np.linalg.norm(steps_m, axis=1).sum()), 2),
             "simulated_s": round(self.seconds, 1),
             "collisions": self.collisions,
             "chain": list(self.result.plans[-1][1].robots) if self.result.plans else [],
@@ -77,7 +82,7 @@ class MissionRun:
         return pd.DataFrame([asdict(d) for d in self.result.decisions])
 
 
-def run(
+def run_mission(
     scene: Scene,
     ledger_folder: Path,
     *,
@@ -92,6 +97,8 @@ def run(
 ) -> MissionRun:
     """Draw a task, let the team drive and publish, and send ``robot`` to the goal.
 
+    Whether it arrived is judged by truth, which the robot is not told.
+
     A scene with robots of its own sets the task itself. weights: of the network by whose landmarks
     they recognise things; LearnedError without torch or weights.
     """
@@ -105,36 +112,25 @@ def run(
     simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
     simulator.truth, simulator.renderer = truth, renderer
     pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
-    members = {name: simulated_key(seed, name).public for name in task.starts}
-    with Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger:
+    with team_ledger(ledger_folder, task.starts, seed) as ledger:
         robots = assemble(simulator, ledger, seed, examine=perception.record)
         drive_to_places(simulator, robots, task)
         started_ns = simulator.clock_ns
         published, index = published_of(ledger, robot), index_of(ledger, perception)
         panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
-        goal_shown = goal_from(pictures, weights)
-        result = run_mission(
-            robot, robots[robot], published, index, goal_shown, perception, config, tell
+        sought = goal_from(pictures, weights)
+        result = drive_mission(
+            robot, robots[robot], published, index, sought, perception, config, tell
         )
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)
     at_goal, range_m = is_at(scene, truth, task.goal, pose, rig)
     return MissionRun(
-        scene,
-        task,
-        robot,
-        result,
-        tuple(pictures),
-        panoramas,
-        {n: simulator.path_xy_m(n) for n in simulator.robots},
-        simulator.times_s,
-        pose,
-        result.arrived and at_goal,
-        range_m,
-        simulator.collisions(robot),
-        (simulator.clock_ns - started_ns) / 1e9,
-        head,
-    )
+        scene, task, robot, result, tuple(pictures), panoramas,
+        {n: simulator.path_xy_m(n) for n in simulator.robots}, simulator.times_s, pose,
+        result.arrived and at_goal, range_m, simulator.collisions(robot),
+        (simulator.clock_ns - started_ns) / 1e9, head,
+    )  # fmt: skip
 
 
 def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:
@@ -175,7 +171,7 @@ def is_at(
 ) -> tuple[bool, float]:
     """Whether a robot is at the goal, in sight of it, and how far it is from its footprint."""
     target = scene.index_of(goal)
-    range_m = _range_m(scene, goal, pose)
+    range_m = float(scene.objects[target].footprint.distance(shapely.Point(*pose.xy_m)))
     return truth.sees(target, pose, rig) and range_m <= SUCCESS_RANGE_M, range_m
 
 
@@ -184,11 +180,3 @@ def save_log(run: MissionRun, folder: Path) -> None:
     (folder / MARKER).write_text(json.dumps(run.summary(), indent=2) + "\n")
     lines = [json.dumps(asdict(d), sort_keys=True) for d in run.result.decisions]
     (folder / "decisions.jsonl").write_text("\n".join(lines) + "\n")
-
-
-def _range_m(scene: Scene, goal: str, pose: Pose) -> float:
-    return float(scene.objects[scene.index_of(goal)].footprint.distance(shapely.Point(*pose.xy_m)))
-
-
-def _length_m(path_xy_m: NDArray[np.float64]) -> float:
-    return float(np.linalg.norm(np.diff(path_xy_m, axis=0), axis=1).sum())

@@ -10,7 +10,7 @@ from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.team import PublishingRobot
 
 LOOK_EVERY_M = 12.0
-_THINKS_EVERY_S = 0.6
+_DECIDES_EVERY_S = 0.6
 _BEEN_EVERY_M = 5.0
 
 
@@ -25,19 +25,19 @@ class Patrol:
         self._minds = dict.fromkeys(robots, Wander())
         self._been: dict[str, list[np.ndarray]] = {name: [] for name in robots}
         self._drives: dict[str, Drive] = {}
-        self._thinks_ns = 0
+        self._decides_ns = 0
 
     def drive(self, duration_s: float) -> None:
         """Let them patrol for a while."""
         until_ns = self._simulator.clock_ns + int(duration_s * 1e9)
         while self._simulator.clock_ns < until_ns:
-            self._simulator.step(self.drives(), _THINKS_EVERY_S)
+            self._simulator.step(self.drives(), _DECIDES_EVERY_S)
 
     def drives(self) -> Mapping[str, Drive]:
-        """What each does now; they think, look and publish in between."""
+        """What each does now; they look, publish and decide in between."""
         now_ns = self._simulator.clock_ns
-        if now_ns >= self._thinks_ns:
-            self._thinks_ns = now_ns + int(_THINKS_EVERY_S * 1e9)
+        if now_ns >= self._decides_ns:
+            self._decides_ns = now_ns + int(_DECIDES_EVERY_S * 1e9)
             self._drives = {name: self._drive_of(name) for name in self._robots}
         return self._drives
 

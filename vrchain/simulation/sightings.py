@@ -62,31 +62,19 @@ def team_sightings(
 
 def sightings_table(scene: Scene, robots: Mapping[str, Pose], sightings: Sightings) -> pd.DataFrame:
     """One row a robot and landmark: poses, the landmark's middle, and with whom it is in common."""
-    rows = []
-    labels = sightings.labels()
+    rows, labels = [], sightings.labels()
     for robot, pose in robots.items():
         for name in sightings.visible[robot]:
             thing = scene.objects[scene.index_of(name)]
             x_m, y_m, _ = thing.bounds_m.mean(axis=0)
-            partners = [
-                other
-                for pair, names in sightings.common.items()
-                if robot in pair and name in names
-                for other in pair
-                if other != robot
-            ]
+            pairs = [p for p, names in sightings.common.items() if robot in p and name in names]
+            partners = [other for pair in pairs for other in pair if other != robot]
             rows.append(
                 {
-                    "robot": robot,
-                    "robot_x_m": pose.x_m,
-                    "robot_y_m": pose.y_m,
-                    "robot_yaw_rad": pose.yaw_rad,
-                    "landmark": name,
-                    "kind": thing.kind,
-                    "landmark_x_m": x_m,
-                    "landmark_y_m": y_m,
-                    "in_common_with": " ".join(partners),
+                    "robot": robot, "robot_x_m": pose.x_m, "robot_y_m": pose.y_m,
+                    "robot_yaw_rad": pose.yaw_rad, "landmark": name, "kind": thing.kind,
+                    "landmark_x_m": x_m, "landmark_y_m": y_m, "in_common_with": " ".join(partners),
                     "label": labels[name] if partners else "",
                 }
-            )
+            )  # fmt: skip
     return pd.DataFrame(rows)

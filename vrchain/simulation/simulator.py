@@ -1,55 +1,36 @@
-"""The world that robots drive in: kinematics, sensors and their noise, collisions, the clock.
+"""The world that robots drive in: kinematics, collisions, the clock, and what each robot senses.
 
-It alone knows where the robots truly are; a robot is given an ``Observation``.
+It alone knows where the robots truly are; a robot is given an ``Observation``. The noise of its
+sensors is in ``sensors``.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
 
 from vrchain.errors import MissionError, PoseError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig
-from vrchain.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, STOP, Drive, Observation, beams_rad
+from vrchain.robot import MAX_SPEED_M_S, MAX_TURN_RAD_S, STOP, Drive, Observation
 from vrchain.seeding import generator
+from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M, Odometry, RangeRing, SensorNoise
 from vrchain.world.model import ROBOT_RADIUS_M, Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
-N_BEAMS = 72
-RANGE_MAX_M = 8.0
-RANGE_HEIGHT_M = 0.3
 _SUBSTEP_S = 0.025  # at most 1.75 cm of way between two looks for contacts
 _PARTED_M = 0.05  # a contact is over once the robot is this far clear
 
 
-@dataclass(frozen=True)
-class SensorNoise:
-    """Standard deviations. Odometry errs with motion only: at rest it does not drift.
-
-    That skid steering slips in a turn is part of ``turn_rad``.
-    """
-
-    range_m: float = 0.02  # a reading of the range ring
-    scale: float = 0.01  # a robot's constant error of distance, as a share
-    veer_rad_m: float = 0.002  # a robot's constant veer, a metre driven
-    distance_m: float = 0.01  # distance, after one metre; grows with the root of the way
-    turn_rad: float = 0.01  # yaw, after one radian turned; grows with the root of the turn
-
-
 @dataclass(eq=False)
 class _Body:
-    """The truth about one robot."""
+    """The truth about one robot, and its odometry."""
 
     pose: Pose
-    odometry: Pose
-    drift: np.random.Generator
-    scale: float
-    veer_rad_m: float
+    odometry: Odometry
     path: list[tuple[float, float]]
     bumped: bool = False
     touching: bool = False
@@ -88,10 +69,8 @@ class Simulator:
                     f"robots {other!r} and {name!r} start in one place: "
                     f"keep them more than {2 * ROBOT_RADIUS_M:g} m apart"
                 )
-        drift = generator(self.seed, "odometry", name)
-        scale, veer = drift.normal(0.0, [self.noise.scale, self.noise.veer_rad_m])
-        path = [(pose.x_m, pose.y_m)]
-        self._bodies[name] = _Body(pose, Pose(0.0, 0.0), drift, 1 + scale, veer, path)
+        odometry = Odometry(self.noise, generator(self.seed, "odometry", name))
+        self._bodies[name] = _Body(pose, odometry, [(pose.x_m, pose.y_m)])
 
     @cached_property
     def truth(self) -> GroundTruth:
@@ -102,6 +81,10 @@ class Simulator:
     def renderer(self) -> Renderer:
         """The scene's renderer, made on first use."""
         return Renderer(self.scene)
+
+    @cached_property
+    def _range_ring(self) -> RangeRing:
+        return RangeRing(self.scene, self.truth)
 
     @property
     def robots(self) -> tuple[str, ...]:
@@ -171,25 +154,12 @@ class Simulator:
         draws = generator(self.seed, "range", robot, self.clock_ns)
         noisy = ring + draws.normal(0.0, self.noise.range_m, N_BEAMS)
         noisy = np.where(ring < RANGE_MAX_M, np.clip(noisy, 0.0, RANGE_MAX_M), RANGE_MAX_M)
-        return Observation(self.clock_ns, body.odometry, noisy, body.bumped, panorama, view_rad)
+        odometry = body.odometry.pose
+        return Observation(self.clock_ns, odometry, noisy, body.bumped, panorama, view_rad)
 
     def true_ranges_m(self, robot: str) -> NDArray[np.float64]:
-        """The range ring without noise, (N_BEAMS,) float: things, other robots, the map's edge.
-
-        What a ray at ``RANGE_HEIGHT_M`` meets, or the outline of anything that could stop the robot
-        (a car's overhang, say), whichever is nearer: like a scanner of many layers, flattened.
-        """
-        body = self._body(robot)
-        angle = body.pose.yaw_rad + beams_rad(N_BEAMS)
-        rays = np.stack([np.cos(angle), np.sin(angle), np.zeros(N_BEAMS)], axis=1)
-        _, hit_m = self.truth.cast([body.pose.x_m, body.pose.y_m, RANGE_HEIGHT_M], rays)
-        ring = np.minimum(hit_m.astype(float), self._ranges_to_edge_m(body.pose, rays[:, :2]))
-        ring = np.minimum(ring, self._ranges_to_outlines_m(body.pose, rays[:, :2]))
-        for other in self._bodies.values():
-            if other is not body:
-                offset = other.pose.xy_m - body.pose.xy_m
-                ring = np.minimum(ring, _ranges_to_disc_m(offset, rays[:, :2]))
-        return np.minimum(ring, RANGE_MAX_M)
+        """The range ring without noise, (N_BEAMS,) float: things, other robots, the map's edge."""
+        return self._range_ring.ranges_m(self.pose(robot), self.others(robot).values())
 
     def _body(self, robot: str) -> _Body:
         if robot not in self._bodies:
@@ -211,56 +181,12 @@ class Simulator:
             body.touching = False
         yaw = float(wrap_angle_rad(pose.yaw_rad + turn_rad))
         body.pose = Pose(float(target[0]), float(target[1]), yaw)
-        body.odometry = self._estimate(body, way_m, turn_rad)
+        body.odometry.move(way_m, turn_rad)
 
     def _is_free(self, body: _Body, xy_m: NDArray[np.float64], radius_m: float) -> bool:
         others = [o.pose.distance_to_m(xy_m) for o in self._bodies.values() if o is not body]
         apart = all(d > ROBOT_RADIUS_M + radius_m for d in others)
         return apart and bool(self.scene.is_free(xy_m, radius_m)[0])
-
-    def _estimate(self, body: _Body, way_m: float, turn_rad: float) -> Pose:
-        """Odometry after a motion: a constant error of each robot and a random walk."""
-        jitter, twist = body.drift.normal(size=2)
-        measured_m = body.scale * way_m + self.noise.distance_m * np.sqrt(abs(way_m)) * jitter
-        measured_rad = turn_rad + body.veer_rad_m * way_m
-        measured_rad += self.noise.turn_rad * np.sqrt(abs(turn_rad)) * twist
-        heading = body.odometry.yaw_rad + measured_rad / 2
-        return Pose(
-            float(body.odometry.x_m + measured_m * np.cos(heading)),
-            float(body.odometry.y_m + measured_m * np.sin(heading)),
-            float(wrap_angle_rad(body.odometry.yaw_rad + measured_rad)),
-        )
-
-    @cached_property
-    def _outlines(self) -> tuple[NDArray[np.float64], shapely.STRtree]:
-        """Sides of the solid footprints, (n, 2, 2) float: start and end; and an index of them."""
-        sides = [np.empty((0, 2, 2))]
-        for obj in self.scene.objects:
-            if obj.solid:
-                for line in _lines_of(obj.footprint):
-                    corners = shapely.get_coordinates(line)
-                    sides.append(np.stack([corners[:-1], corners[1:]], axis=1))
-        joined = np.concatenate(sides)
-        return joined, shapely.STRtree(shapely.linestrings(joined))
-
-    def _ranges_to_outlines_m(
-        self, pose: Pose, rays_xy: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        sides, tree = self._outlines
-        near = tree.query(shapely.Point(pose.xy_m), predicate="dwithin", distance=RANGE_MAX_M)
-        return _ranges_to_sides_m(sides[near] - pose.xy_m, rays_xy)
-
-    def _ranges_to_edge_m(self, pose: Pose, rays_xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        half = np.array(self.scene.extent_m) / 2
-        with np.errstate(divide="ignore"):
-            steps = (np.copysign(half, rays_xy) - pose.xy_m) / rays_xy
-        return np.abs(steps).min(axis=1)
-
-
-def _lines_of(footprint: shapely.Geometry) -> Iterator[shapely.Geometry]:
-    """The outlines of a footprint's polygons, and of their holes; what is no polygon as it is."""
-    for part in shapely.get_parts(footprint):
-        yield from shapely.get_rings(part) if isinstance(part, shapely.Polygon) else [part]
 
 
 def _clipped(name: str, drive: Drive) -> Drive:
@@ -268,31 +194,3 @@ def _clipped(name: str, drive: Drive) -> Drive:
         raise ValueError(f"robot {name!r}: expected a finite speed and turn, got {drive}")
     speed = min(max(drive.speed_m_s, -MAX_SPEED_M_S), MAX_SPEED_M_S)
     return Drive(speed, min(max(drive.turn_rad_s, -MAX_TURN_RAD_S), MAX_TURN_RAD_S))
-
-
-def _ranges_to_sides_m(
-    sides_xy_m: NDArray[np.float64], rays_xy: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances along unit rays from the origin to line segments, (n, 2, 2), inf where none is."""
-    start, along = sides_xy_m[:, 0], sides_xy_m[:, 1] - sides_xy_m[:, 0]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        facing = _cross(rays_xy[:, None], along)
-        range_m = _cross(start, along) / facing
-        share = _cross(start, rays_xy[:, None]) / facing
-    hits = (range_m >= 0) & (share >= 0) & (share <= 1)
-    return np.where(hits, range_m, np.inf).min(axis=1, initial=np.inf)
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
-
-
-def _ranges_to_disc_m(
-    offset_xy_m: NDArray[np.float64], rays_xy: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """Distances along unit rays from the origin to a robot's circle, inf where they miss it."""
-    along = rays_xy @ offset_xy_m
-    miss_sq = offset_xy_m @ offset_xy_m - along**2
-    inside = np.maximum(ROBOT_RADIUS_M**2 - miss_sq, 0.0)
-    hits = (miss_sq < ROBOT_RADIUS_M**2) & (along > 0)
-    return np.where(hits, along - np.sqrt(inside), np.inf)

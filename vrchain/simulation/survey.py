@@ -1,4 +1,4 @@
-"""Robots wander through a scene and publish by the paper's three rules: positions for a ledger."""
+"""A survey: robots wander through a scene and publish by the update rules, so many positions."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -10,12 +10,11 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
-from vrchain.ledger import Ledger, simulated_key
 from vrchain.panorama import CameraRig
 from vrchain.robot import UpdateRules, Wander, wander
 from vrchain.seeding import generator
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.team import assemble
+from vrchain.simulation.team import assemble, team_ledger
 from vrchain.world.model import Scene
 
 _TICK_S = 0.5
@@ -49,12 +48,11 @@ def survey(
     if rest or share < 1:
         raise MissionError(f"{n_positions} positions cannot be shared out to {len(robots)} robots")
     simulator = Simulator(scene, start_poses(scene, robots, seed), seed=seed, rig=rig)
-    members = {name: simulated_key(seed, name).public for name in robots}
     draws = {name: generator(seed, "wander", name) for name in robots}
     minds = dict.fromkeys(robots, Wander())
     rows: list[dict] = []
     with (
-        Ledger.create(ledger_folder, members, simulated_key(seed, "operator")) as ledger,
+        team_ledger(ledger_folder, robots, seed) as ledger,
         tqdm(total=n_positions, desc="positions", unit="", disable=None) as progress,
     ):
         team = assemble(simulator, ledger, seed, rules)

@@ -69,8 +69,7 @@ def draw_task(
     common, so that the chain is needed. MissionError if none is found, or if there is no such
     robot or goal.
     """
-    names = robot_names(n_robots, robot)
-    goals = goal_ids(scene, goal)
+    names, goals = robot_names(n_robots, robot), goal_ids(scene, goal)
     found = list(islice(_tasks(scene, truth, rig, seed, names, goals), _CHOICES))
     if not found:
         sought = f"the goal {goal!r}" if goal else "a goal"
@@ -103,22 +102,19 @@ def scene_task(
         )
     if robot not in own:
         raise MissionError(f"there is no robot {robot!r}; expected one of {', '.join(own)}")
-    places = {robot: own[robot], **own}
-    name = goal or scene.goal
+    places, name = {robot: own[robot], **own}, goal or scene.goal
     if name is None:
         raise MissionError(f"the scene {scene.name!r} sets no goal: name a --goal")
     (target,) = goal_ids(scene, name)
-    draws = generator(seed, "task")
-    starts = _starts(scene, list(places.values()), draws)
+    starts = _starts(scene, list(places.values()), generator(seed, "task"))
     pictured = goal_poses(scene, truth, target, seed)
     if len(starts) < len(places) or len(pictured) < GOAL_PICTURES:
         raise MissionError(
             f"found no free way to the robots' places, or too few sights of {name!r}: "
             "try another seed"
         )
-    return Task(
-        places, dict(zip(places, starts, strict=True)), scene.objects[target].name, tuple(pictured)
-    )
+    named = dict(zip(places, starts, strict=True))
+    return Task(places, named, scene.objects[target].name, tuple(pictured))
 
 
 def _tasks(
@@ -144,15 +140,10 @@ def _tasks(
             if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
                 continue
             starts = _starts(scene, places, draws)
-            if len(starts) < len(names):
-                continue
-            task = Task(
-                dict(zip(names, places, strict=True)),
-                dict(zip(names, starts, strict=True)),
-                scene.objects[target].name,
-                tuple(pictured[target]),
-            )
-            yield len(co_visible(truth, places[0], places[-1], rig)), task
+            if len(starts) == len(names):
+                stand, begin = (dict(zip(names, p, strict=True)) for p in (places, starts))
+                task = Task(stand, begin, scene.objects[target].name, tuple(pictured[target]))
+                yield len(co_visible(truth, places[0], places[-1], rig)), task
 
 
 def robot_names(n_robots: int, first: str = "R1") -> list[str]:
@@ -253,12 +244,10 @@ def _hidden_goals(
 
 def _surface_points(scene: Scene, target: int, draws: np.random.Generator) -> Points:
     """Points all over an object, (_SURFACE_POINTS, 3)."""
-    triangles = np.concatenate(
-        [s.vertices_m[s.faces] for s in scene.objects[target].surfaces]
-    ).astype(float)
-    areas = np.linalg.norm(
-        np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]), axis=1
-    )
+    surfaces = scene.objects[target].surfaces
+    triangles = np.concatenate([s.vertices_m[s.faces] for s in surfaces]).astype(float)
+    a, b, c = triangles.transpose(1, 0, 2)
+    areas = np.linalg.norm(np.cross(b - a, c - a), axis=1)
     chosen = draws.choice(len(triangles), _SURFACE_POINTS, p=areas / areas.sum())
     weights = draws.dirichlet(np.ones(3), _SURFACE_POINTS)
     return np.einsum("nij,ni->nj", triangles[chosen], weights)
@@ -302,9 +291,24 @@ def _starts(scene: Scene, places: Sequence[Pose], draws: np.random.Generator) ->
 
 
 def goal_ids(scene: Scene, goal: str | None) -> list[int]:
-    """The object of that name, or without a name all that goals are drawn from."""
+    """The object of that name, or without a name all that goals are drawn from.
+
+    Those are houses without a twin, or else other buildings without one. MissionError if there is
+    no such object, or if it is no landmark.
+    """
     if goal is None:
-        return _drawn_from(scene)
+        placings = Counter(o.model for o in scene.objects)
+        alone = [
+            (i, o.kind)
+            for i, o in enumerate(scene.objects)
+            if o.landmark and placings[o.model] == 1
+        ]
+        for kinds in _GOAL_KINDS:
+            if drawn := [i for i, kind in alone if kind in kinds]:
+                return drawn
+        raise MissionError(
+            "the scene has no building without a twin to draw as a goal: name a --goal"
+        )
     try:
         target = scene.index_of(goal)
     except KeyError:
@@ -316,17 +320,3 @@ def goal_ids(scene: Scene, goal: str | None) -> list[int]:
             f"{goal!r} is no landmark and cannot be a goal: choose a standing object"
         )
     return [target]
-
-
-def _drawn_from(scene: Scene) -> list[int]:
-    """Goals without a name: houses without a twin, or else other buildings without one."""
-    placings = Counter(o.model for o in scene.objects)
-    for kinds in _GOAL_KINDS:
-        drawn = [
-            i
-            for i, o in enumerate(scene.objects)
-            if o.landmark and o.kind in kinds and placings[o.model] == 1
-        ]
-        if drawn:
-            return drawn
-    raise MissionError("the scene has no building without a twin to draw as a goal: name a --goal")

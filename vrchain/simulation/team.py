@@ -1,11 +1,11 @@
-"""A team of simulated robots: how it drives and publishes."""
+"""A team of simulated robots: a robot publishes whenever it looks and an update rule says so."""
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import astuple, dataclass, replace
+from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.extraction.record import LandmarkRecord, encode_record
@@ -40,8 +40,9 @@ class Publication:
 class PublishingRobot:
     """A simulated robot's senses and wheels; whenever it looks, the update rules may publish.
 
-    examine: its landmarks are extracted before it signs, and published beside the panorama, with
-    how it moved since the one before.
+    A mission can be driven on it (``navigation.settings.Body``). examine: its landmarks are
+    extracted before it signs, and published beside the panorama, with how it moved since the one
+    before.
     """
 
     def __init__(
@@ -69,9 +70,8 @@ class PublishingRobot:
             return glance
         seen = self.simulator.observe(self.name, look=look)
         rule = self.monitor.due(seen)
-        if seen.panorama is not None:
-            self._looked = self._publish(seen, rule) if rule else seen
-            return self._looked
+        if look:
+            seen = self._looked = self._publish(seen, rule) if rule else seen
         return seen
 
     def watch(self, look_every_m: float = LOOK_EVERY_M) -> Observation:
@@ -106,20 +106,18 @@ class PublishingRobot:
         self.monitor.published(seen)
         pose = self.simulator.pose(self.name)
         team = {name: astuple(other) for name, other in self.simulator.others(self.name).items()}
-        self.publications.append(
-            Publication(
-                robot=self.name,
-                time_s=seen.time_ns / 1e9,
-                rule=rule,
-                digest=entry.payload_digest.hex(),
-                payload_bytes=len(blob),
-                x_m=pose.x_m,
-                y_m=pose.y_m,
-                yaw_rad=pose.yaw_rad,
-                others=json.dumps(team),
-            )
-        )
+        published = Publication(
+            self.name, seen.time_ns / 1e9, rule, entry.payload_digest.hex(), len(blob),
+            pose.x_m, pose.y_m, pose.yaw_rad, json.dumps(team),
+        )  # fmt: skip
+        self.publications.append(published)
         return seen
+
+
+def team_ledger(folder: Path, robots: Iterable[str], seed: int) -> Ledger:
+    """A new ledger; members' and operator's keys derive from the seed, as ``assemble``'s do."""
+    members = {name: simulated_key(seed, name).public for name in robots}
+    return Ledger.create(folder, members, simulated_key(seed, "operator"))
 
 
 def assemble(
@@ -147,7 +145,12 @@ def drive_to_places(
 
     Then they wait until the third rule, time, has had each publish what it sees from there.
     """
-    goals = {n: _in_own_frame(task.starts[n], task.places[n]) for n in robots}
+    goals = {}  # in the frames of their odometry
+    for name in robots:
+        start, place_m = task.starts[name], task.places[name].xy_m
+        bearing = start.bearing_to_rad(place_m)
+        ahead = np.array([np.cos(bearing), np.sin(bearing)])
+        goals[name] = start.distance_to_m(place_m) * ahead
     deadline_ns = simulator.clock_ns + int(60e9)
     driving = set(robots)
     while driving and simulator.clock_ns < deadline_ns:
@@ -162,9 +165,3 @@ def drive_to_places(
     simulator.step({}, max(r.monitor.rules.max_age_s for r in robots.values()))
     for robot in robots.values():
         robot.watch()
-
-
-def _in_own_frame(start: Pose, place: Pose) -> NDArray[np.float64]:
-    """A place in the odometry frame of a robot that started at ``start``."""
-    distance_m, bearing_rad = start.distance_to_m(place.xy_m), start.bearing_to_rad(place.xy_m)
-    return distance_m * np.array([np.cos(bearing_rad), np.sin(bearing_rad)])

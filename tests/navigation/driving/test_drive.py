@@ -6,9 +6,9 @@ import worlds
 from plains import PERCEPTION, Plain, Walker
 
 from vrchain.geometry import Pose
-from vrchain.navigation.driving.drive import Pilot, nearest_of_surface_m, range_along_m
+from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.settings import GaveUp, MissionConfig
-from vrchain.robot import Drive, beams_rad
+from vrchain.robot import Drive, Observation, beams_rad
 from vrchain.simulation.simulator import Simulator
 
 
@@ -81,16 +81,23 @@ def test_the_time_ends_in_the_middle_of_a_stretch() -> None:
         pilot(limit_s=10.0).stretch(there(45.0), 1.0, 40.0)
 
 
+def sensing(ring: np.ndarray) -> Pilot:
+    """A pilot that senses this range ring."""
+    ours = object.__new__(Pilot)
+    ours.now = Observation(0, Pose(0.0, 0.0), ring)
+    return ours
+
+
 def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
     ring = np.full(72, 8.0)
     ring[18], ring[20], ring[0] = 3.0, 2.0, 1.0
-    beam = 2 * np.pi / 72
-    assert range_along_m(ring, 18 * beam) == 3.0
-    assert range_along_m(ring, 19 * beam) == 2.0
-    assert range_along_m(ring, 2 * np.pi - 0.05) == 1.0  # round the back of the ring
-    assert range_along_m(ring, -0.05) == 1.0
-    assert range_along_m(ring, 0.5) == 8.0
-    assert range_along_m(np.array([4.0]), 2.0) == np.inf
+    beam, ours = 2 * np.pi / 72, sensing(ring)
+    assert ours.ahead_m(18 * beam) == 3.0
+    assert ours.ahead_m(19 * beam) == 2.0
+    assert ours.ahead_m(2 * np.pi - 0.05) == 1.0  # round the back of the ring
+    assert ours.ahead_m(-0.05) == 1.0
+    assert ours.ahead_m(0.5) == 8.0
+    assert sensing(np.array([4.0])).ahead_m(2.0) == np.inf
 
 
 @pytest.mark.parametrize("turn", [0, 20, 50])
@@ -107,6 +114,5 @@ def test_a_surface_is_followed_to_where_it_comes_nearest(
     to_right = np.where(np.sin(beams) < 0, 4.0 / np.maximum(-np.sin(beams), 1e-9), 8.0)
     ring = np.minimum(np.minimum(to_left, to_right), 8.0)
     ring[np.abs(beams - (2 * np.pi - 1.2)) < 0.2] = 2.0
-    turned = np.roll(ring, turn)
-    told_m = nearest_of_surface_m(turned, bearing_rad + turn * 2 * np.pi / 72, reach_m=7.9)
+    told_m = sensing(np.roll(ring, turn)).surface_m(bearing_rad + turn * 2 * np.pi / 72)
     assert told_m == pytest.approx(near_m, abs=0.05)

@@ -21,21 +21,21 @@ def ring_before(x_m: float, y_m: tuple[float, float]) -> NDArray[np.float64]:
 
 
 def test_the_unknown_is_taken_for_free() -> None:
-    ways = ObstacleMap()
-    assert ways.course_rad(HERE, np.array([20.0, 20.0]), 1.0) == pytest.approx(np.pi / 4, abs=0.1)
-    way = ways.way_m(HERE, np.array([20.0, 0.0]), 1.0)
-    assert np.hypot(*(way[-1] - [20.0, 0.0])) <= 1.0 and np.hypot(*way[0]) < 0.5
+    met = ObstacleMap()
+    assert met.course_rad(HERE, np.array([20.0, 20.0]), 1.0) == pytest.approx(np.pi / 4, abs=0.1)
+    path = met.path_m(HERE, np.array([20.0, 0.0]), 1.0)
+    assert np.hypot(*(path[-1] - [20.0, 0.0])) <= 1.0 and np.hypot(*path[0]) < 0.5
 
 
-def test_a_way_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
-    ways = ObstacleMap()
-    ways.note(HERE, ring_before(3.0, (-6.0, 2.0)))
-    way = ways.way_m(HERE, np.array([8.0, 0.0]), 1.0)
-    assert np.hypot(*(way[-1] - [8.0, 0.0])) <= 1.0
-    crossing = way[np.abs(way[:, 0] - 3.0).argmin()]
+def test_a_path_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
+    met = ObstacleMap()
+    met.note(HERE, ring_before(3.0, (-6.0, 2.0)))
+    path = met.path_m(HERE, np.array([8.0, 0.0]), 1.0)
+    assert np.hypot(*(path[-1] - [8.0, 0.0])) <= 1.0
+    crossing = path[np.abs(path[:, 0] - 3.0).argmin()]
     assert crossing[1] > 2.3  # room for the robot
-    assert ways.course_rad(HERE, np.array([8.0, 0.0]), 1.0) > 0.2
-    straight, around = ObstacleMap().lengths_m(HERE, np.array([[8.0, 0.0]])), ways.lengths_m(
+    assert met.course_rad(HERE, np.array([8.0, 0.0]), 1.0) > 0.2
+    straight, around = ObstacleMap().lengths_m(HERE, np.array([[8.0, 0.0]])), met.lengths_m(
         HERE, np.array([[8.0, 0.0]])
     )  # fmt: skip
     assert around[0] > straight[0] + 0.5
@@ -43,66 +43,64 @@ def test_a_way_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
 
 def test_what_is_gone_is_forgotten_when_a_beam_goes_through_or_long_after() -> None:
     target = np.array([6.0, 0.0])
-    ways = ObstacleMap()
-    ways.note(HERE, ring_before(2.0, (-4.0, 4.0)))
-    assert abs(ways.course_rad(HERE, target, 1.0)) > 0.5
-    ways.note(HERE, np.full(72, 8.0))
-    ways.note(Pose(0.0, 0.05), np.full(72, 8.0))
-    assert abs(ways.course_rad(HERE, target, 1.0)) < 0.3
-    ways.note(HERE, ring_before(4.0, (-6.0, 6.0)))
-    ways.driven_m += 200.0
-    assert abs(ways.course_rad(HERE, target, 1.0)) < 0.2
+    met = ObstacleMap()
+    met.note(HERE, ring_before(2.0, (-4.0, 4.0)))
+    assert abs(met.course_rad(HERE, target, 1.0)) > 0.5
+    met.note(HERE, np.full(72, 8.0))
+    met.note(Pose(0.0, 0.05), np.full(72, 8.0))
+    assert abs(met.course_rad(HERE, target, 1.0)) < 0.3
+    met.note(HERE, ring_before(4.0, (-6.0, 6.0)))
+    met.driven_m += 200.0
+    assert abs(met.course_rad(HERE, target, 1.0)) < 0.2
 
 
-def test_shut_in_the_way_ends_before_what_shuts_in() -> None:
-    ways = ObstacleMap()
-    ways.note(HERE, np.full(72, 1.2))
-    assert len(ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)) >= 1
-    nearest = ways.way_m(HERE, np.array([10.0, 0.0]), 1.0)[-1]
+def test_shut_in_the_path_ends_before_what_shuts_in() -> None:
+    met = ObstacleMap()
+    met.note(HERE, np.full(72, 1.2))
+    assert len(met.path_m(HERE, np.array([10.0, 0.0]), 1.0)) >= 1
+    nearest = met.path_m(HERE, np.array([10.0, 0.0]), 1.0)[-1]
     assert np.hypot(*nearest) < 1.2
-    assert np.isinf(ways.lengths_m(HERE, np.array([[10.0, 0.0]]))).all()
+    assert np.isinf(met.lengths_m(HERE, np.array([[10.0, 0.0]]))).all()
 
 
 def test_arrived_there_is_nothing_left_to_drive() -> None:
     assert ObstacleMap().course_rad(HERE, np.array([0.5, 0.0]), 1.0) is None
 
 
-def test_out_of_a_nook_there_is_a_way() -> None:
-    """A wall that is nearer than ways may come to one."""
-    ways = ObstacleMap()
-    ways.note(HERE, ring_before(0.42, (-3.0, 3.0)))
-    way = ways.way_m(HERE, np.array([-10.0, 0.0]), 1.0)
-    assert np.hypot(*(way[-1] - [-10.0, 0.0])) <= 1.0
+def test_out_of_a_nook_there_is_a_path() -> None:
+    """A wall that is nearer than paths may come to one."""
+    met = ObstacleMap()
+    met.note(HERE, ring_before(0.42, (-3.0, 3.0)))
+    path = met.path_m(HERE, np.array([-10.0, 0.0]), 1.0)
+    assert np.hypot(*(path[-1] - [-10.0, 0.0])) <= 1.0
 
 
 def test_where_there_was_no_headway_something_is_taken_to_be() -> None:
-    ways = ObstacleMap()
-    ways.block(HERE, 0.0)
-    assert abs(ways.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
+    met = ObstacleMap()
+    met.block(HERE, 0.0)
+    assert abs(met.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
 
 
-def test_what_the_ring_sees_through_is_no_way_until_the_robot_has_been_elsewhere() -> None:
+def test_what_the_ring_sees_through_is_no_path_until_the_robot_has_been_elsewhere() -> None:
     """As between two posts, where steering does not go."""
-    ways, target, nothing = ObstacleMap(), np.array([6.0, 0.0]), np.full(len(BEAMS), 8.0)
-    ways.note(HERE, nothing)
-    ways.block(HERE, 0.0)
-    ways.note(HERE, nothing)
-    assert abs(ways.course_rad(HERE, target, 1.0)) > 0.2
+    met, target, nothing = ObstacleMap(), np.array([6.0, 0.0]), np.full(len(BEAMS), 8.0)
+    met.note(HERE, nothing)
+    met.block(HERE, 0.0)
+    met.note(HERE, nothing)
+    assert abs(met.course_rad(HERE, target, 1.0)) > 0.2
     for x_m in (-3.5, 0.0):
-        ways.note(Pose(x_m, 0.0), nothing)
-    assert abs(ways.course_rad(HERE, target, 1.0)) < 0.1
+        met.note(Pose(x_m, 0.0), nothing)
+    assert abs(met.course_rad(HERE, target, 1.0)) < 0.1
 
 
 def test_memory_begins_where_the_robot_does_and_has_an_end() -> None:
-    ways, far, nothing = ObstacleMap(), Pose(5000.0, -5000.0, 0.0), np.full(len(BEAMS), 8.0)
-    ways.note(far, nothing)
-    assert abs(ways.course_rad(far, far.xy_m + np.array([1e9, 0.0]), 1.0)) < 0.1
-    assert ways.lengths_m(far, far.xy_m + np.array([[10.0, 0.0]]))[0] == pytest.approx(
-        10.0, abs=0.5
-    )
-    ways.note(Pose(5301.0, -5000.0), nothing)
+    met, far, nothing = ObstacleMap(), Pose(5000.0, -5000.0, 0.0), np.full(len(BEAMS), 8.0)
+    met.note(far, nothing)
+    assert abs(met.course_rad(far, far.xy_m + np.array([1e9, 0.0]), 1.0)) < 0.1
+    assert met.lengths_m(far, far.xy_m + np.array([[10.0, 0.0]]))[0] == pytest.approx(10.0, abs=0.5)
+    met.note(Pose(5301.0, -5000.0), nothing)
     with pytest.raises(GaveUp, match="more than 300 m from where it began"):
-        ways.course_rad(Pose(5301.0, -5000.0), far.xy_m, 1.0)
+        met.course_rad(Pose(5301.0, -5000.0), far.xy_m, 1.0)
 
 
 def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:
@@ -116,11 +114,11 @@ def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:
 
 def driven(here: Pose, target: NDArray[np.float64], half_m: float) -> tuple[Pose, float]:
     """Where it ends that drives there past such a wall, and after how many metres."""
-    ways, way_m, tick_s = ObstacleMap(), 0.0, 0.3
+    met, way_m, tick_s = ObstacleMap(), 0.0, 0.3
     for _ in range(150):
         ring = ring_before_wall(here, half_m)
-        ways.note(here, ring)
-        course = ways.course_rad(here, target, 0.7)
+        met.note(here, ring)
+        course = met.course_rad(here, target, 0.7)
         if course is None:
             break
         drive = steer(float(wrap_angle_rad(course - here.yaw_rad)), ring)
@@ -134,7 +132,7 @@ def driven(here: Pose, target: NDArray[np.float64], half_m: float) -> tuple[Pose
 def test_what_is_right_behind_a_wall_is_driven_to_round_its_end(
     y_m: float, behind_m: float
 ) -> None:
-    """The way's end is nearer than the wall's: who steers there steers at the wall, for ever."""
+    """The path's end is nearer than the wall's: who steers there steers at the wall, for ever."""
     target = np.array([behind_m, y_m])
     here, _ = driven(Pose(-1.1, y_m), target, 4.0)
     assert here.distance_to_m(target) <= 1.0

@@ -51,7 +51,7 @@ def test_where_the_landmark_lies_aside_the_next_robots_place_is_driven_to() -> N
     (tracker,), *_ = driven_to((6.0, 25.0))
     assert tracker.name == "where R2 looked around"
     assert tracker.place.xy_m == pytest.approx([12.0, 0.0]) and tracker.place.std_m > 1.0
-    assert tracker.update(EMPTY, HERE) is False
+    tracker.update(EMPTY, HERE)
     assert (tracker.seen, tracker.missed) == (0, 0)  # a place shows nothing of its own
 
 
@@ -60,8 +60,8 @@ def test_what_nothing_tells_of_ends_the_list() -> None:
 
 
 @pytest.mark.parametrize(("way_m", "steps"), [(0.0, 1), (30.0, 1), (30.0, 60)])
-def test_a_belief_fades_with_the_way_however_often_it_is_asked(way_m: float, steps: int) -> None:
-    tracker = Tracker("a place", Estimate(np.zeros(2), np.eye(2)), np.empty((0, 0)), CALIBRATION)
+def test_an_estimate_fades_with_the_way_however_often_it_is_asked(way_m: float, steps: int) -> None:
+    tracker = Tracker("a place", Estimate(np.zeros(2), np.eye(2)), CALIBRATION)
     for _ in range(steps):
         tracker.moved(way_m / steps)
     assert tracker.place.std_m == pytest.approx(np.sqrt(1.0 + 0.03 * way_m))

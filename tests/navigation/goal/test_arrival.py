@@ -17,16 +17,16 @@ from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.settings import MissionConfig
 from vrchain.robot import beams_rad
 
+CONFIG, HERE = MissionConfig(), Pose(0.0, 0.0)
+
 
 class Standing:
-    """A pilot that stands where it is: no way leads on."""
+    """A pilot that stands where it is: no path leads on. ahead_m: what its range ring shows."""
 
-    config, here = MissionConfig(), Pose(0.0, 0.0)
-    looks = ()
-    ways = SimpleNamespace(reach_m=7.9)
+    config, looks = CONFIG, ()
 
-    def __init__(self) -> None:
-        self.now = SimpleNamespace(time_ns=0)
+    def __init__(self, here: Pose = HERE, ahead_m: float = 8.0) -> None:
+        self.here, self.now, self.met_m = here, SimpleNamespace(time_ns=0), ahead_m
 
     def look_around(self) -> Any:
         return None
@@ -34,8 +34,8 @@ class Standing:
     def glance(self, bearing_rad: float) -> Any:
         return None
 
-    def ahead_m(self, *bearing_rad: float) -> float:
-        return 8.0
+    def ahead_m(self, *bearing_rad: Any) -> float:
+        return self.met_m
 
     def surface_m(self, bearing_rad: float) -> float:
         return float("inf")
@@ -43,32 +43,49 @@ class Standing:
     def until_ns(self, place: Estimate) -> int:
         return self.now.time_ns + 1
 
-    def stretch(self, *way: object) -> None:
+    def stretch(self, *way: Any) -> float | None:
         self.now.time_ns += 1
+        return None
 
 
-def candidate(x_m: float, chance: float = 0.9) -> Candidate:
-    """Seen once, by 12 keypoints, so far ahead."""
-    sight = GoalSight(0.0, x_m, x_m, 0.2, 12, 3.0, chance)
-    return Candidate(Estimate(np.array([x_m, 0.0]), np.eye(2)), chance, ((Pose(0.0, 0.0), sight),))
+def arrival(pilot: Standing | None = None, sight: GoalSight | None = None) -> Arrival:
+    """An arrival whose every look shows this of the goal; said: what it logged."""
+    said: list[str] = []
+    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
+    log = lambda what, *args, **values: said.append(what)  # noqa: E731
+    ours = Arrival(cast(Any, pilot or Standing()), cast(Any, goal), log)
+    cast(Any, ours).said = said
+    return ours
 
 
-def arrival() -> Arrival:
-    goal = SimpleNamespace(find=lambda *asked, **fair: None)
-    return Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+def sight_of(
+    range_m: float, n_matches: int = 12, chance: float = 0.9, sized: bool = False, **more: float
+) -> GoalSight:
+    """Of the goal, so far ahead."""
+    about = {"bearing_rad": 0.0, "half_width_rad": 0.2, "looks": 3.0, **more}
+    return GoalSight(
+        range_m=range_m, surface_m=range_m, n_matches=n_matches, chance=chance, sized=sized,
+        **cast(Any, about),
+    )  # fmt: skip
 
 
-def test_what_no_way_led_to_is_tried_once_more() -> None:
-    ours, far = arrival(), candidate(30.0)
-    assert not ours.drive_to(far) and not ours.was_mistaken(far.place)
-    assert not ours.drive_to(far) and ours.was_mistaken(far.place)
+def at(x_m: float, *sights: tuple[float, GoalSight], chance: float = 0.99) -> Candidate:
+    """Believed to be there on the x axis, seen from these places on it."""
+    seen = tuple((Pose(float(here), 0.0), sight) for here, sight in sights)
+    return Candidate(Estimate(np.array([x_m, 0.0]), np.eye(2)), chance, seen)
 
 
-def test_what_surely_is_the_goal_is_blocked_where_it_was_seen_not_at_its_far_side() -> None:
-    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 60, 3.0, 0.95)
-    seen = Candidate(Estimate(np.array([8.0, 0.0]), np.eye(2)), 0.95, ((Pose(0.0, 0.0), sight),))
+def candidate(x_m: float, chance: float = 0.9, n_matches: int = 12) -> Candidate:
+    """Seen once, so far ahead."""
+    return at(x_m, (0.0, sight_of(x_m, n_matches, chance)), chance=chance)
+
+
+@pytest.mark.parametrize("seen", [candidate(30.0), candidate(8.0, 0.95, n_matches=60)])
+def test_what_no_path_led_to_is_tried_once_more(seen: Candidate) -> None:
+    """From afar, or surely the goal: that is blocked where it was seen, not at its far side."""
     ours = arrival()
     assert not ours.drive_to(seen) and ours.is_blocked(seen.place)
+    assert not ours.was_mistaken(seen.place)
     assert not ours.drive_to(seen) and ours.was_mistaken(seen.place)
 
 
@@ -82,9 +99,7 @@ def test_what_was_refuted_from_near_is_not_driven_to_again() -> None:
 
 def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
     """As it was met: a robot went round one house three times."""
-    sight = GoalSight(0.0, 8.0, 8.0, 0.2, 12, 3.0, 0.9)
-    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
-    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
+    ours = arrival(sight=sight_of(8.0))
     assert not ours.drive_to(candidate(8.0))
     middle_xy_m = np.array([12.0, 0.0])
     for angle in np.arange(0.0, 2 * np.pi, 0.5):
@@ -101,7 +116,7 @@ def test_what_is_less_likely_is_looked_at_from_fewer_sides(
     ours, seen = arrival(), candidate(8.0, chance)
     sides = iter([seen.place] * 5)
     monkeypatch.setattr(ours, "_sides", lambda candidate, n: sides)
-    assert not ours._circle(seen).is_sure(MissionConfig())
+    assert not ours._circle(seen).is_sure(CONFIG)
     assert 5 - len(list(sides)) == n_sides
 
 
@@ -118,10 +133,10 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
     def find(look: Any, bearing_rad: float, window_rad: float) -> GoalSight:
         turns.append(pilot.here.bearing_to_rad(middle_xy_m))
         surely = abs(turns[-1] + np.pi / 3) < 0.1
-        return GoalSight(bearing_rad, 8.0, 8.0, 0.2, 60 if surely else 12, 3.0, 0.97)
+        return sight_of(8.0, 60 if surely else 12, 0.97, bearing_rad=bearing_rad)
 
     pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find))
-    assert ours._circle(seen).is_sure(MissionConfig())
+    assert ours._circle(seen).is_sure(CONFIG)
     assert len(turns) > 5  # at five sides, and on the way to the last
 
 
@@ -139,12 +154,9 @@ def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() ->
 
 
 def test_what_turns_out_to_be_a_known_mistake_is_not_circled() -> None:
-    told: list[str] = []
-    goal = SimpleNamespace(find=lambda *asked, **fair: None)
-    log = lambda what, *args, **values: told.append(what)  # noqa: E731
-    ours = Arrival(cast(Any, Standing()), cast(Any, goal), log)
+    ours = arrival()
     assert not ours.drive_to(candidate(8.0)) and not ours.drive_to(candidate(9.0))
-    assert told == ["approach", "circle", "doubt", "approach", "doubt"]
+    assert cast(Any, ours).said == ["approach", "circle", "doubt", "approach", "doubt"]
 
 
 @pytest.mark.parametrize(("chance", "goes_round"), [(0.96, True), (0.6, False)])
@@ -152,17 +164,12 @@ def test_what_was_surely_seen_from_afar_is_gone_round_if_it_is_not_seen_from_nea
     chance: float, goes_round: bool
 ) -> None:
     """As it was met: eight sights of a goal by a chance of 0.9 and more, and none from 8 m on."""
-    told: list[str] = []
-    log = lambda what, *args, **values: told.append(what)  # noqa: E731
-    goal = SimpleNamespace(find=lambda *asked, **fair: None)
-    pilot = Standing()
-    ours = Arrival(cast(Any, pilot), cast(Any, goal), log)
-    seen = candidate(8.0, chance)
+    ours, seen = arrival(), candidate(8.0, chance)
     for _ in range(3):
         seen = ours._regarded(seen)
     assert seen.against == 3 and (seen.chance > 0.5) == goes_round
     ours.drive_to(seen)
-    assert ("circle" in told) == goes_round
+    assert ("circle" in cast(Any, ours).said) == goes_round
 
 
 @pytest.mark.parametrize(("ahead_m", "against"), [(8.0, 1), (2.0, 0)])
@@ -170,34 +177,30 @@ def test_a_glance_at_a_wall_just_ahead_does_not_speak_against_what_is_behind(
     ahead_m: float, against: int
 ) -> None:
     """As it was met: ten of them along a goal's own wall, and it was given up."""
-    ours, seen = arrival(), candidate(8.0)
-    cast(Any, ours.pilot).ahead_m = lambda *asked: ahead_m
-    after = ours._regarded(seen)
+    seen = candidate(8.0)
+    after = arrival(Standing(ahead_m=ahead_m))._regarded(seen)
     assert after.against == against and (after.chance < seen.chance) == bool(against)
 
 
 def test_the_side_in_front_is_another_on_the_way() -> None:
     """As it was met: a robot passed a long wall, and what it drove to fell behind, in the house."""
-    passed = Standing()
-    cast(Any, passed).stretch = lambda *way: setattr(passed.now, "time_ns", 10) or 4.0
-    cast(Any, passed).until_ns = lambda place: passed.now.time_ns + 1
-    goal = SimpleNamespace(find=lambda *asked, **fair: None)
-    ours = Arrival(cast(Any, passed), cast(Any, goal), lambda *args, **values: None)
-    before = candidate(30.0)
+    ours, before = arrival(), candidate(30.0)
+    pilot = cast(Any, ours.pilot)
+    pilot.stretch = lambda *way: setattr(pilot.now, "time_ns", 10) or 4.0
     after = ours._close_in(before)
     assert after.place.std_m**2 == pytest.approx(before.place.std_m**2 + 0.8)
 
 
 def test_two_looks_from_one_place_are_one_sight() -> None:
-    ours, sight = arrival(), GoalSight(0.0, 12.0, 12.0, 0.2, 18, 3.4, 0.9)
-    once = ours._with_sight(Candidate(Estimate(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5), sight)
-    again = ours._with_sight(once, replace(sight, chance=0.95))
+    unsure = Candidate(Estimate(np.array([12.0, 0.0]), 9.0 * np.eye(2)), 0.5)
+    once = unsure.with_sight(HERE, sight_of(12.0))
+    again = once.with_sight(HERE, sight_of(12.0, chance=0.95))
     assert len(again.sights) == 1 and again.chance == 0.95
     assert again.place.std_m == once.place.std_m < 3.0
 
 
 class BeforeABush(Standing):
-    """Something narrow stands 0.8 m ahead, what is wide 3.2 m."""
+    """Something narrow stands 0.8 m ahead, what is wide farther on."""
 
     def __init__(self, front_m: float) -> None:
         super().__init__()
@@ -224,12 +227,14 @@ def test_a_bush_before_a_wide_goal_is_gone_round(
     front_m: float, half_width_rad: float, driven_to: list[float]
 ) -> None:
     pilot = BeforeABush(front_m)
-    goal = SimpleNamespace(find=lambda *asked, **fair: None)
-    ours = Arrival(cast(Any, pilot), cast(Any, goal), lambda *args, **values: None)
-    sight = GoalSight(0.0, 10.0, 9.0, half_width_rad, 40, 3.0, 0.99)
-    place = Estimate(np.array([1.0, 0.0]), np.eye(2))
-    ours._draw_up(Candidate(place, 0.99, ((Pose(-9.0, 0.0), sight),)))
+    wide = sight_of(9.0, half_width_rad=half_width_rad)
+    arrival(pilot)._draw_up(at(1.0, (-9.0, wide)))
     assert pilot.driven_to == pytest.approx(driven_to)
+
+
+def sized(range_m: float, bearing_rad: float = 0.0, n_matches: int = 20) -> GoalSight:
+    """By its size so far away."""
+    return sight_of(range_m, n_matches, 0.99, sized=True, bearing_rad=bearing_rad)
 
 
 @pytest.mark.parametrize("off_by", [0.4, 0.9, 1.0, 1.15])
@@ -239,72 +244,30 @@ def test_how_far_it_is_is_told_by_how_large_it_looks(off_by: float, range_m: flo
 
     As it was met: a store of a strange world seemed to be half as far as it was.
     """
-    goal_x_m, sights = 30.0, []
-    for x_m in np.arange(0.0, 29.0 - range_m, 2.5):
-        looks_m = float(goal_x_m - x_m) * off_by
-        sight = GoalSight(0.0, looks_m, looks_m, 0.2, 20, 3.0, 0.99, sized=True)
-        sights.append((Pose(float(x_m), 0.0), sight))
-    ours = arrival()
-    cast(Any, ours.pilot).here = Pose(goal_x_m - range_m, 0.0)
-    there = ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
+    places = np.arange(0.0, 29.0 - range_m, 2.5)
+    ours = arrival(Standing(Pose(30.0 - range_m, 0.0)))
+    there = ours._behind_this(at(0.0, *((x_m, sized((30.0 - x_m) * off_by)) for x_m in places)))
     if range_m < 4.0:
         assert there is None
     else:
-        assert there == pytest.approx([goal_x_m, 0.0], abs=2.0)
-    assert ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99)) is None
-
-
-@pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
-def test_from_another_side_it_is_looked_at_before_it_is_claimed(
-    range_m: float, arrives: bool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """As it was met: a hedge 5 m before the goal, which looked near in two sights of three."""
-    sight = GoalSight(0.0, 6.0, range_m, 0.2, 60, 3.4, 0.99, sized=True)
-    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
-    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
-    ahead = ((-12.0, 1.0), (-9.0, 1.0), (-6.0, range_m))  # stood, and believed it to be, on the x
-    seen = tuple((Pose(x_m, 0.0), replace(sight, surface_m=at_m - x_m)) for x_m, at_m in ahead)
-    before = Candidate(Estimate(np.array([1.0, 0.0]), np.eye(2)), 0.99, seen)
-    beside: list[Candidate] = []
-
-    def sides(candidate: Candidate, n: int) -> Iterator[Estimate]:
-        beside.append(before)
-        yield before.place
-
-    monkeypatch.setattr(ours, "_sides", sides)
-    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: bool(beside))
-    assert ours.drive_to(before) == arrives and beside
-
-
-@pytest.mark.parametrize("unsure", [1, 2])
-def test_what_is_no_longer_sure_is_not_claimed(
-    unsure: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """Surely the goal by two sights of so many more; a look from where it stands is unsure too."""
-    good = GoalSight(0.0, 8.0, 8.0, 0.2, 30, 3.4, 0.9)
-    poor = replace(good, n_matches=5, looks=2.6, chance=0.6)
-    goal = SimpleNamespace(find=lambda *asked, **fair: poor)
-    ours = Arrival(cast(Any, Standing()), cast(Any, goal), lambda *args, **values: None)
-    seen = tuple((Pose(-x_m, 0.0), s) for x_m, s in enumerate([good, good] + [poor] * unsure, 2))
-    at = Candidate(Estimate(np.array([1.0, 0.0]), np.eye(2)), 0.9, seen)
-    assert at.is_sure(MissionConfig())
-    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
-    monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter(()))
-    assert ours.drive_to(at) == (unsure == 1)
-    assert ours.was_mistaken(at.place) == (unsure == 2)
+        assert there == pytest.approx([30.0, 0.0], abs=2.0)
+    assert ours._behind_this(at(0.0)) is None
 
 
 def test_how_far_it_is_is_told_by_the_side_in_front() -> None:
     """From its other side it looked nearer than it was: that tells nothing of this one."""
-    before = [(Pose(x_m, 0.0), 0.4 * (30.0 - x_m), 0.0) for x_m in range(0, 25, 4)]
-    now = [(Pose(20.0, y_m), y_m + 1.0, -np.pi / 2) for y_m in (9.0, 6.0, 3.0)]
-    sights = tuple(
-        (here, GoalSight(bearing_rad, range_m, range_m, 0.2, 20, 3.0, 0.99, sized=True))
-        for here, range_m, bearing_rad in (*before, *now)
-    )
-    ours = arrival()
-    cast(Any, ours.pilot).here = Pose(20.0, 1.2)
-    assert ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, sights)) is None
+    before = [(Pose(x_m, 0.0), sized(0.4 * (30.0 - x_m))) for x_m in range(0, 25, 4)]
+    now = [(Pose(20.0, y_m), sized(y_m + 1.0, -np.pi / 2)) for y_m in (9.0, 6.0, 3.0)]
+    seen = replace(at(0.0), sights=(*before, *now))
+    assert arrival(Standing(Pose(20.0, 1.2)))._behind_this(seen) is None
+
+
+@pytest.mark.parametrize("short_m", [-8.0, 8.0])
+def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: float) -> None:
+    """As it was met: by size a house was 8 m behind the robot, which stood before it."""
+    sights = [(x_m, sized(20.0 - short_m - x_m)) for x_m in (0.0, 3.0, 6.0, 8.0)]
+    there = arrival(Standing(Pose(20.0, 0.0)))._behind_this(at(0.0, *sights))
+    assert (there is None) == (short_m > 0)
 
 
 @pytest.mark.parametrize(
@@ -315,11 +278,8 @@ def test_its_wall_is_met_before_it_is_believed_to_be(
     looks_m: float, met_m: float, there: bool
 ) -> None:
     """As it was met: the goal was believed 4 m away, and its wall was in the way there."""
-    ours = arrival()
-    cast(Any, ours.pilot).ahead_m = lambda *asked: met_m
-    sight = GoalSight(0.0, looks_m, looks_m, 0.2, 40, 3.0, 0.99, sized=True)
-    at = Candidate(Estimate(np.array([4.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
-    assert ours._is_there(at) == there
+    ours = arrival(Standing(ahead_m=met_m))
+    assert ours._is_there(at(4.0, (0.0, sized(looks_m)))) == there
 
 
 @pytest.mark.parametrize(("met_x_m", "side_x_m"), [(3.5, 5.0), (7.0, 7.0), (8.1, 5.0)])
@@ -328,28 +288,9 @@ def test_what_is_met_beyond_it_is_not_its_side(met_x_m: float, side_x_m: float) 
 
     Seen from 4 m, which tells that to 1.3 m; what is met at 3.5 m is before where it is believed.
     """
-    ours = arrival()
-    cast(Any, ours.pilot).here = Pose(3.0, 0.0)
-    cast(Any, ours.pilot).ahead_m = lambda *asked: met_x_m - 3.0
-    sight = GoalSight(0.0, 4.0, 4.0, 0.2, 40, 3.0, 0.99, sized=True)
-    believed = Candidate(
-        Estimate(np.array([5.0, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),)
-    )
-    assert ours._felt(believed).place.xy_m == pytest.approx([side_x_m, 0.0])
-
-
-@pytest.mark.parametrize("short_m", [-8.0, 8.0])
-def test_what_looks_nearer_than_it_is_is_not_behind_what_the_robot_met(short_m: float) -> None:
-    """As it was met: by size a house was 8 m behind the robot, which stood before it."""
-    sights = []
-    for x_m in (0.0, 3.0, 6.0, 8.0):
-        range_m = 20.0 - short_m - x_m
-        sight = GoalSight(0.0, range_m, range_m, 0.2, 20, 3.0, 0.99, sized=True)
-        sights.append((Pose(x_m, 0.0), sight))
-    ours = arrival()
-    cast(Any, ours.pilot).here = Pose(20.0, 0.0)
-    there = ours._behind_this(Candidate(Estimate(np.zeros(2), np.eye(2)), 0.99, tuple(sights)))
-    assert (there is None) == (short_m > 0)
+    ours = arrival(Standing(Pose(3.0, 0.0), met_x_m - 3.0))
+    felt = ours._felt(at(5.0, (0.0, sized(4.0))))
+    assert felt.place.xy_m == pytest.approx([side_x_m, 0.0])
 
 
 class BesideAWall(Standing):
@@ -377,8 +318,42 @@ def test_who_looks_along_its_wall_stands_before_it(
 
     Not if that wall is nowhere near, nor if a bush is met before what is seen.
     """
-    sight = GoalSight(bearing_rad, 6.5, 6.5, 0.4, 62, 3.5, 0.99, sized=True)
-    ours = arrival()
-    ours.pilot = cast(Any, BesideAWall(wall_m, bearing_rad, bush_m))
-    seen = Candidate(Estimate(np.array([1.4, 0.0]), np.eye(2)), 0.99, ((Pose(0.0, 0.0), sight),))
+    ours = arrival(BesideAWall(wall_m, bearing_rad, bush_m))
+    seen = at(1.4, (0.0, sized(6.5, bearing_rad)))
     assert (ours._behind_this(seen) is None) == here
+
+
+@pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
+def test_from_another_side_it_is_looked_at_before_it_is_claimed(
+    range_m: float, arrives: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was met: a hedge 5 m before the goal, which looked near in two sights of three."""
+    sight = sight_of(range_m, 60, 0.99, sized=True, looks=3.4)
+    ours = arrival(sight=sight)
+    ahead = ((-12.0, 1.0), (-9.0, 1.0), (-6.0, range_m))  # stood, and believed it to be, on the x
+    before = at(1.0, *((x_m, replace(sight, surface_m=at_m - x_m)) for x_m, at_m in ahead))
+    beside: list[Candidate] = []
+
+    def sides(candidate: Candidate, n: int) -> Iterator[Estimate]:
+        beside.append(before)
+        yield before.place
+
+    monkeypatch.setattr(ours, "_sides", sides)
+    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: bool(beside))
+    assert ours.drive_to(before) == arrives and beside
+
+
+@pytest.mark.parametrize("unsure", [1, 2])
+def test_what_is_no_longer_sure_is_not_claimed(
+    unsure: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Surely the goal by two sights of so many more; a look from where it stands is unsure too."""
+    good = sight_of(8.0, 30, looks=3.4)
+    poor = replace(good, n_matches=5, looks=2.6, chance=0.6)
+    ours = arrival(sight=poor)
+    seen = at(1.0, *((-x_m, s) for x_m, s in enumerate([good, good] + [poor] * unsure, 2)))
+    assert seen.is_sure(CONFIG)
+    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
+    monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter(()))
+    assert ours.drive_to(seen) == (unsure == 1)
+    assert ours.was_mistaken(seen.place) == (unsure == 2)

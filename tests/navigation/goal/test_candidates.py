@@ -30,36 +30,39 @@ def is_sure(*sights: tuple[float, int, float, float], n_shown: int = 400, unsure
     return Candidate(Estimate(np.zeros(2), np.eye(2)), 0.9, seen).is_sure(MissionConfig())
 
 
-def test_one_good_sight_is_enough() -> None:
-    assert is_sure((0, 10, 15, 2.8), (3, 54, 12, 2.8))
-    assert is_sure((0, 10, 15, 2.8), (11, 54, 4, 2.0))  # its keypoints show from near too
-    assert not is_sure((0, 10, 4, 2.8), (11, 54, 12, 2.0))  # its shape does not
+LIKE_NOTHING_ELSE, OTHER = (0, 28, 15, 3.4), (3, 8, 12, 3.1)
+ONCE = (0, 24, 7.8, 3.3)  # as a house was met in a suburb: like nothing else in one sight of four
 
 
-def test_fewer_keypoints_are_enough_in_a_sight_that_looks_like_nothing_else() -> None:
-    other = (3, 8, 12, 3.1)
-    assert is_sure((0, 28, 15, 3.4), other, n_shown=700)
-    assert not is_sure((0, 28, 4, 3.4), other)  # from too near
-    assert not is_sure((0, 28, 15, 3.1), (3, 8, 12, 3.4))  # in another sight
-
-
-def test_fewer_keypoints_are_not_enough_in_a_sight_unlike_most() -> None:
-    """As a house was met in a suburb: like nothing else in one sight of four."""
-    sight = (0.0, 24, 7.8, 3.3)
-    assert not is_sure(sight)
-    assert is_sure(sight, sight, unsure=2) and not is_sure(sight, sight, unsure=3)
-    assert is_sure((0, 54, 12, 2.8), unsure=3)  # so many are no house's of its make
-
-
-def test_a_plain_goal_needs_fewer_keypoints() -> None:
-    poor, poorer = [(0, 12, 15, 3.4)] * 2, [(0, 11, 15, 3.4)] * 2
-    assert not is_sure(*poor) and is_sure(*poor, n_shown=150)
-    assert not is_sure(*poorer, n_shown=20)  # no goal is so plain
-
-
-@pytest.mark.parametrize("keypoints", [40, 80])
-def test_keypoints_without_its_looks_are_not_the_goal(keypoints: int) -> None:
-    assert not is_sure((0, keypoints, 15, 2.0), (3, keypoints, 12, 2.0))
+@pytest.mark.parametrize(
+    ("sights", "more", "sure"),
+    [
+        # one good sight is enough; its keypoints show from near too, its shape does not
+        ([(0, 10, 15, 2.8), (3, 54, 12, 2.8)], {}, True),
+        ([(0, 10, 15, 2.8), (11, 54, 4, 2.0)], {}, True),
+        ([(0, 10, 4, 2.8), (11, 54, 12, 2.0)], {}, False),
+        # fewer keypoints are in a sight that looks like nothing else, not from too near
+        ([LIKE_NOTHING_ELSE, OTHER], {"n_shown": 700}, True),
+        ([(0, 28, 4, 3.4), OTHER], {}, False),
+        ([(0, 28, 15, 3.1), (3, 8, 12, 3.4)], {}, False),  # nor in another sight
+        # but not in one unlike most; so many keypoints are no house's of its make
+        ([ONCE], {}, False),
+        ([ONCE, ONCE], {"unsure": 2}, True),
+        ([ONCE, ONCE], {"unsure": 3}, False),
+        ([(0, 54, 12, 2.8)], {"unsure": 3}, True),
+        # a plain goal needs fewer, but no goal is so plain
+        ([(0, 12, 15, 3.4)] * 2, {}, False),
+        ([(0, 12, 15, 3.4)] * 2, {"n_shown": 150}, True),
+        ([(0, 11, 15, 3.4)] * 2, {"n_shown": 20}, False),
+        # keypoints without its looks are not the goal
+        *(([(0, n, 15, 2.0), (3, n, 12, 2.0)], {}, False) for n in (40, 80)),
+        ([], {}, False),
+    ],
+)
+def test_what_is_seen_of_the_goal_makes_it_sure_or_not(
+    sights: list[tuple[float, int, float, float]], more: dict[str, int], sure: bool
+) -> None:
+    assert is_sure(*sights, **more) == sure
 
 
 @pytest.mark.parametrize(
@@ -75,10 +78,6 @@ def test_keypoints_without_its_looks_are_not_the_goal(keypoints: int) -> None:
 def test_a_house_like_the_goal_is_not_the_goal(sights: list[tuple[int, float, float]]) -> None:
     """As five were met in suburbs: what agrees are windows, doors and timber of the same make."""
     assert not is_sure(*((3.0 * k, *sight) for k, sight in enumerate(sights)))
-
-
-def test_never_seen_is_never_sure() -> None:
-    assert not is_sure()
 
 
 def _driven_to(ranges_m: Sequence[float], off_by: Sequence[float]) -> float:

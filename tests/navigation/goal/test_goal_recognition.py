@@ -12,7 +12,7 @@ from vrchain.landmarks.extraction.sift import NO_FEATURES, Features
 from vrchain.landmarks.extraction.spots import NO_SPOTS
 from vrchain.landmarks.retrieval.lookup import sought
 from vrchain.landmarks.retrieval.recognition import Goal, Template
-from vrchain.navigation.goal.recognition import FoundOnce, GoalPictures, _of_subject, any_sight
+from vrchain.navigation.goal.recognition import GoalPictures, _of_subject
 
 HERE = Pose(0.0, 0.0, 0.3)
 PLAIN = Plain(
@@ -49,8 +49,6 @@ def test_behind_what_is_known_to_be_no_goal_another_is_found() -> None:
     assert best and second and second.chance < best.chance
     assert second.bearing_rad == pytest.approx(HERE.bearing_to_rad((-9.0, 5.0)), abs=0.03)
     assert GOAL.find(look, fair=lambda sight: False) is None
-    once = FoundOnce(GOAL)
-    assert once.find(look) == best and once.find(look, fair=lambda s: s != best) == second
 
 
 def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
@@ -73,21 +71,6 @@ def test_how_far_the_goal_is_by_how_large_it_looks() -> None:
         sight = GOAL.find(PLAIN.look(Pose(x_m, 3.0)))
         assert sight and sight.sized and sight.surface_m == pytest.approx(range_m, rel=0.2)
     assert not replace(GOAL, keypoints=Goal(())).find(PLAIN.look(HERE)).sized
-
-
-def test_it_is_looked_for_once_in_a_look_but_each_time_in_a_window() -> None:
-    asked = []
-
-    class Asked:
-        def find(self, look, near_rad=None, window_rad=0.4, fair=any_sight):
-            asked.append(near_rad)
-            return GOAL.find(look, near_rad, window_rad, fair)
-
-    look, goal = PLAIN.look(HERE), FoundOnce(Asked())
-    assert goal.find(look) is goal.find(look) is not None
-    goal.find(look, 0.1)
-    goal.find(PLAIN.look(HERE))
-    assert asked == [None, 0.1, None]
 
 
 def test_what_stands_beside_a_pictures_subject_is_not_of_it() -> None:

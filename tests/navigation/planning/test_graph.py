@@ -112,20 +112,6 @@ def test_legs_rest_on_the_best_reason() -> None:
     assert len(landmark_graph(["A", "B", "C"], hopeless).legs) == 2
 
 
-def test_as_a_networkx_graph() -> None:
-    claims = [claim("A", 0.0, "B", 1.0, 0.9), claim("B", 1.0, "C", 2.0, 0.8)]
-    graph = landmark_graph(["A", "B", "C", "D"], claims, {"C": 0.7}).networkx()
-    assert graph.nodes["A"]["kind"] == "robot" and graph.nodes["N1"]["kind"] == "landmark"
-    assert {frozenset(e): s for *e, s in graph.edges(data="score")} == {
-        frozenset(("A", "N1")): 0.9,
-        frozenset(("B", "N1")): 0.9,
-        frozenset(("C", "N1")): 0.8,
-        frozenset(("C", "goal")): 0.7,
-    }
-    assert nx.has_path(graph, "A", "goal") and not nx.has_path(graph, "D", "goal")
-
-
 def test_an_empty_ledger() -> None:
     graph = landmark_graph(["A"], [], {})
     assert graph.legs == () and graph.landmarks == () and graph.planner.best(0, {}) is None
-    assert set(graph.networkx()) == {"A", "goal"}

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from plains import RIG
 
-from vrchain.geometry import Pose, relative, wrap_angle_rad
+from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.navigation.planning.relative_poses import (
@@ -34,22 +34,19 @@ def test_where_the_other_panorama_was_taken() -> None:
     here = Pose(2.0, -3.0, 0.7)
     found = seen_from(here)
     assert baseline_m(found, RIG) == pytest.approx(here.distance_to_m(THERE.xy_m))
-    stand = pose_from(here, found, RIG)
-    assert stand is not None and stand.xy_m == pytest.approx(THERE.xy_m)
-    assert stand.yaw_rad == pytest.approx(THERE.yaw_rad)
-
-
-def test_no_pose_no_stand() -> None:
-    nothing = Comparison((), None)
-    bare = seen_from(Pose(0, 0))
-    assert bare.geometry is not None
-    unsized = Comparison((), replace(bare.geometry, baseline_heights=np.nan))
-    for found in (nothing, unsized):
-        assert pose_from(Pose(0, 0), found, RIG) is None
+    told = pose_from(found, RIG)
+    assert told is not None
+    there = placed(here, told)
+    assert there.xy_m == pytest.approx(THERE.xy_m)
+    assert there.yaw_rad == pytest.approx(THERE.yaw_rad)
+    assert found.geometry is not None
+    unsized = Comparison((), replace(found.geometry, baseline_heights=np.nan))
+    for nothing in (Comparison((), None), unsized):
+        assert pose_from(nothing, RIG) is None
 
 
 def told(poses: dict[str, Pose], trust: float = 0.95, **others: float) -> dict[Pair, RelativePose]:
-    """Right joins of all panoramas taken at ``poses``; others: the trust in some, as a_b."""
+    """True relative poses of panoramas taken at ``poses``; others: the trust in some, as a_b."""
     return {
         (a, b): RelativePose(relative(poses[a], poses[b]), others.get(f"{a}_{b}", trust))
         for a, b in combinations(poses, 2)
@@ -87,16 +84,16 @@ def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
     alone = RelativePoses(poses).trust(("a", "b"))
     twice = {
         ("a", "e"): RelativePose(Pose(0.0, 0.0), 1.0),
-        ("b", "e"): RelativePose(relative(false.between, Pose(0, 0)), 0.85),
+        ("b", "e"): RelativePose(relative(false.pose, Pose(0, 0)), 0.85),
     }
     assert alone < 0.7
     assert RelativePoses({**poses, **twice}).trust(("a", "b")) == alone
 
 
 def test_what_nobody_tells_of_stays_as_it_is_and_may_be_asked() -> None:
-    poses = {pair: join for pair, join in told(WHOLE, a_b=0.4).items() if "b" not in pair}
+    poses = {pair: known for pair, known in told(WHOLE, a_b=0.4).items() if "b" not in pair}
     poses[("a", "b")] = told(WHOLE)[("a", "b")]
-    unsure = {**poses, ("a", "b"): RelativePose(poses["a", "b"].between, 0.4)}
+    unsure = {**poses, ("a", "b"): RelativePose(poses["a", "b"].pose, 0.4)}
     assert RelativePoses(unsure).trust(("a", "b")) == pytest.approx(0.4)
     assert RelativePoses(unsure).unasked(("a", "b")) == [("d", "b"), ("c", "b")]  # the nearer first
     nowhere = {**poses, ("a", "b"): RelativePose(None, 0.4)}
@@ -115,7 +112,7 @@ def test_it_matters_neither_in_which_order_nor_from_where(seed: int) -> None:
     poses = {n: Pose(*map(float, (*draws.uniform(-8, 8, 2), draws.uniform(-3, 3)))) for n in "abcd"}
     trusts = {f"{a}_{b}": float(draws.choice([0.0, 0.3, 0.9])) for a, b in combinations("abcd", 2)}
     poses = told(poses, **trusts)
-    turned = {(b, a): RelativePose(j.between and relative(j.between, Pose(0, 0)), j.trust)
+    turned = {(b, a): RelativePose(j.pose and relative(j.pose, Pose(0, 0)), j.trust)
               for (a, b), j in reversed(poses.items())}  # fmt: skip
     for a, b in poses:
         assert RelativePoses(poses).trust((a, b)) == pytest.approx(

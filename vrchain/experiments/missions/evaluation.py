@@ -41,7 +41,7 @@ from vrchain.ledger import Ledger, simulated_key
 from vrchain.ledger.records.encoding import digest
 from vrchain.navigation.goal.place import GoalPlace
 from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_from
-from vrchain.navigation.mission import MissionResult, run_mission
+from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published
 from vrchain.panorama import CameraRig
@@ -135,7 +135,7 @@ class Suburb:
                 bars.tell(decision)
 
             started_ns = simulator.clock_ns
-            result = run_mission(
+            result = drive_mission(
                 robot, robots[robot], published, index, goal, perception, config, told
             )
             n_published = len(known())

@@ -167,7 +167,9 @@ def _mission(
     own = folder / f"seed_{seed}"
     own.mkdir()
     config = MissionConfig(limit_s=profile.mission_s)
-    run = mission.run(suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config)
+    run = mission.run_mission(
+        suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config
+    )
     mission.save_log(run, own)
     draw(run, own)
     return replace(run, scene=None)  # type: ignore[arg-type]

@@ -4,21 +4,18 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
-from vrchain.navigation.driving.estimates import Estimate
-from vrchain.navigation.driving.obstacles import ObstacleMap
+from vrchain.navigation.driving.estimates import Array, Estimate
+from vrchain.navigation.driving.obstacles import REACH_M, ObstacleMap
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Body, GaveUp, MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.robot import Observation, beams_rad, newcomer_m, steer
 
-Array = NDArray[np.float64]
-
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
-_TICKS = 3  # of steering between two looks for a way
+_TICKS = 3  # of steering between two searches for a path
 _PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
 _YIELDS_M = 1.2  # to what drives so near: steering minds only what is ahead
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
@@ -26,7 +23,7 @@ _ONE_SURFACE_M = 1.0  # neighbouring beams that end no farther apart meet one su
 
 
 class Pilot:
-    """A robot's body and eyes, what it has met and looked at, and its clock.
+    """A robot's body and perception, what it has met and looked at, and its clock.
 
     now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
     looked: where they were taken; standing: where what was proposed in them stands, about, (n, 2)
@@ -57,15 +54,12 @@ class Pilot:
         self.looks.append(self.now.panorama)
         self.looked.append(self.here.xy_m)
         look = self.perception.examine(self.now)
-        self.standing.append(self._standing(look))
-        self.latest = self.here, look
-        return look
-
-    def _standing(self, look: Look) -> Array:
         p = look.proposals
         surely = (p.score >= _PROPOSED) & (p.range_m < _FARTHEST_M)
         turn = rotation_z(self.here.yaw_rad)[:2, :2]
-        return np.asarray(self.here.xy_m + p.xy_m[surely] @ turn.T)
+        self.standing.append(np.asarray(self.here.xy_m + p.xy_m[surely] @ turn.T))
+        self.latest = self.here, look
+        return look
 
     def glance(self, bearing_rad: float) -> Look:
         """What one camera shows around a bearing."""
@@ -79,11 +73,27 @@ class Pilot:
         of: Callable[[Array], np.floating] = np.min,
     ) -> float:
         """What the range ring shows around a bearing: the shortest reading, or another one."""
-        return range_along_m(self.now.range_ring_m, bearing_rad, half_width_rad, of)
+        ring = self.now.range_ring_m
+        near = np.abs(wrap_angle_rad(beams_rad(len(ring)) - bearing_rad)) <= half_width_rad
+        return float(of(ring[near])) if near.any() else float("inf")
 
     def surface_m(self, bearing_rad: float) -> float:
-        """How near the surface comes that is met at a bearing; inf if none is."""
-        return nearest_of_surface_m(self.now.range_ring_m, bearing_rad, self.obstacles.reach_m)
+        """How near the surface comes that the range ring meets at a bearing; inf if it meets none.
+
+        Neighbouring beams meet one surface if they end near each other.
+        """
+        beams = beams_rad(len(self.now.range_ring_m))
+        first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
+        ring = np.roll(self.now.range_ring_m, -first)
+        met = ring < REACH_M
+        if not met[0]:
+            return float("inf")
+        ends = ring[:, None] * np.column_stack([np.cos(beams), np.sin(beams)])
+        apart_m = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
+        joined = met & np.roll(met, -1) & (apart_m <= _ONE_SURFACE_M)  # to the next beam
+        onward = np.append(True, np.logical_and.accumulate(joined)[:-1])
+        back = np.logical_and.accumulate(joined[::-1])[::-1]
+        return float(ring[onward | back].min())
 
     def until_ns(self, place: Estimate) -> int:
         """When an approach to a place has taken too long."""
@@ -93,7 +103,7 @@ class Pilot:
     def stretch(self, xy_m: Array, within_m: float, way_m: float) -> float | None:
         """Drive some way towards a place, around what is in the way; None: it gets no nearer.
 
-        GaveUp when the mission's time is over.
+        Returns the metres driven. GaveUp when the mission's time is over.
         """
         driven_m, previous = 0.0, self.here
         since_ns, since_m = self.now.time_ns, 0.0
@@ -124,31 +134,3 @@ class Pilot:
                 driven_m += previous.distance_to_m(self.here.xy_m)
                 previous = self.here
         return driven_m
-
-
-def range_along_m(
-    range_ring_m: Array,
-    bearing_rad: float,
-    half_width_rad: float = 0.1,
-    of: Callable[[Array], np.floating] = np.min,
-) -> float:
-    """The shortest reading, or another one, of a range ring within so much of a bearing."""
-    beams = beams_rad(len(range_ring_m))
-    near = np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad
-    return float(of(range_ring_m[near])) if near.any() else float("inf")
-
-
-def nearest_of_surface_m(range_ring_m: Array, bearing_rad: float, reach_m: float) -> float:
-    """How near the surface comes that a range ring meets at a bearing; inf if it meets none."""
-    beams = beams_rad(len(range_ring_m))
-    first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
-    ring = np.roll(range_ring_m, -first)
-    met = ring < reach_m
-    if not met[0]:
-        return float("inf")
-    ends = ring[:, None] * np.column_stack([np.cos(beams), np.sin(beams)])
-    apart_m = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
-    joined = met & np.roll(met, -1) & (apart_m <= _ONE_SURFACE_M)  # to the next beam
-    onward = np.append(True, np.logical_and.accumulate(joined)[:-1])
-    back = np.logical_and.accumulate(joined[::-1])[::-1]
-    return float(ring[onward | back].min())

@@ -1,7 +1,7 @@
-"""Where a landmark is believed to be, in the frame of a robot's own odometry, and how surely.
+"""Where a landmark or the goal is believed to be, in the frame of odometry, and how surely.
 
 Sights of it, each a bearing and a rough range, are weighed by their covariances (a Kalman filter
-without motion); odometry's drift makes a belief less sure with the way driven.
+without motion); odometry's drift makes an estimate less sure with the way driven.
 """
 
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 
 _BEARING_STD_RAD = 0.04  # of a sight, the robot's own heading and the thing's extent included
 _RANGE_STD = 0.25  # of the range that the network tells, as a share
-_DRIFT_M2_PER_M = 0.03  # square metres of doubt, a metre driven: 1 m after 30 m
+_DRIFT_M2_PER_M = 0.03  # of variance, a metre driven: 1 m after 30 m
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,21 +33,25 @@ class Estimate:
         """How far away it is."""
         return here.distance_to_m(self.xy_m)
 
+    def seen_from(self, here: Pose) -> tuple[float, float]:
+        """Both: radians and metres."""
+        return self.bearing_rad(here), self.range_m(here)
+
     @property
     def std_m(self) -> float:
         """How far off it may be, in the direction in which least is known."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
-    def after(self, way_m: float) -> "Estimate":
-        """What is left of the belief after driving so far."""
-        return self.unsure(float(np.sqrt(_DRIFT_M2_PER_M * way_m)))
+    def after(self, way_m: float, m2_per_m: float = _DRIFT_M2_PER_M) -> "Estimate":
+        """The estimate after driving so far, its variance so much larger for each metre."""
+        return self.unsure(float(np.sqrt(m2_per_m * way_m)))
 
     def unsure(self, std_m: float) -> "Estimate":
-        """The belief, so much less sure in every direction."""
+        """The estimate, so much less sure in every direction."""
         return Estimate(self.xy_m, self.covariance + std_m**2 * np.eye(2))
 
     def with_sight(self, sight: "Estimate") -> "Estimate":
-        """Both beliefs taken together."""
+        """Both estimates taken together."""
         gain = self.covariance @ np.linalg.inv(self.covariance + sight.covariance)
         xy_m = self.xy_m + gain @ (sight.xy_m - self.xy_m)
         return Estimate(xy_m, (np.eye(2) - gain) @ self.covariance)

@@ -10,7 +10,8 @@ import numpy as np
 from scipy.spatial.distance import cdist
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.navigation.driving.drive import Array, Pilot
+from vrchain.navigation.driving.drive import Pilot
+from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.settings import GaveUp, Log
 
 _TURNS = 16  # directions in which it may go and look elsewhere
@@ -67,9 +68,9 @@ class Explorer:
         places = places[new & near]
         if len(places) == 0:
             return None
-        length_m = pilot.obstacles.lengths_m(pilot.here, places)
         turn = np.arctan2(*(places - pilot.here.xy_m).T[::-1]) - pilot.here.yaw_rad
-        value = length_m + _TURN_M * np.abs(wrap_angle_rad(turn))
+        value = pilot.obstacles.lengths_m(pilot.here, places)
+        value += _TURN_M * np.abs(wrap_angle_rad(turn))
         value /= 1 + self._to_see(places) / _WORTH
         if own and near[0]:
             value[0] *= 0.6  # no dithering

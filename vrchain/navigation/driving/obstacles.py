@@ -1,11 +1,9 @@
-"""Round what is in the way: where the range ring has met things, remembered by odometry.
+"""Collision-free paths: round what the range ring has met, as odometry remembers it.
 
 A short memory of one robot's own, in the frame of its odometry: no map is given to it, and what it
 met long ago is forgotten, since odometry drifts. What it has not seen is taken for free, so that a
-way is found out by driving it (the freespace assumption of Koenig and Smirnov, 1996).
+path is found out by driving it (the freespace assumption of Koenig and Smirnov, 1996).
 """
-
-from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
@@ -15,37 +13,35 @@ from scipy.sparse.csgraph import dijkstra
 from scipy.spatial import cKDTree
 
 from vrchain.geometry import Pose
+from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.settings import GaveUp
 from vrchain.robot import beams_rad
 
-Array = NDArray[np.float64]
-
+REACH_M = 7.9  # readings of the range ring from here on are of nothing
 _CELL_M = 0.2  # of the memory
-_STEP_CELLS = 2  # between nodes of a way
+_STEP_CELLS = 2  # between nodes of a path
 _HALF_CELLS = 1500  # the memory reaches 300 m each way from where it begins
 _CLEARED_M = 3.0  # within which a beam that goes on shows that there is nothing
 _BLOCKED_M, _HELD_M = 0.7, 6.0  # so far ahead, and for so much way, though beams may pass there
 _KEPT_M = 80.0  # of way driven since it was met
-_RADIUS_M = 0.47  # nothing is nearer to a way than this
-_ROOM_M = 0.9  # and ways keep this distance where that costs little
+_RADIUS_M = 0.47  # nothing is nearer to a path than this
+_ROOM_M = 0.9  # and paths keep this distance where that costs little
 _NOOK_M, _SQUEEZE_M = 2.0, 0.25  # so near to the robot, less room will do
-_MARGIN_M = 18.0  # how far a way may lead around
-_NEAR_M = 2.5  # a way is cut short with less room so near
-_TIGHT = 2.0  # how many times longer a way without room counts
+_MARGIN_M = 18.0  # how far a path may lead around
+_NEAR_M = 2.5  # a path is cut short with less room so near
+_TIGHT = 2.0  # how many times longer a path without room counts
 
 
-@dataclass(eq=False)
 class ObstacleMap:
-    """What was met, and ways around it; positions in the odometry's frame."""
+    """What was met, and paths around it; positions in the odometry's frame."""
 
-    reach_m: float = 7.9  # readings from here on are of nothing
-    driven_m: float = 0.0
-    _met: NDArray[np.float32] = field(
-        default_factory=lambda: np.full((2 * _HALF_CELLS,) * 2, -np.inf, dtype=np.float32)
-    )
-    _last: Pose | None = None
-    _begin_xy_m: Array = field(default_factory=lambda: np.zeros(2))
-    _blocks: list[tuple[float, Array]] = field(default_factory=list)
+    def __init__(self) -> None:
+        self.driven_m = 0.0
+        # How far the robot had driven when something was met in each cell.
+        self._met = np.full((2 * _HALF_CELLS,) * 2, -np.inf, dtype=np.float32)
+        self._last: Pose | None = None
+        self._begin_xy_m = np.zeros(2)
+        self._blocks: list[tuple[float, Array]] = []
 
     def note(self, here: Pose, range_ring_m: ArrayLike) -> None:
         """Take in a reading of the range ring, (n_beams,), all around."""
@@ -61,7 +57,7 @@ class ObstacleMap:
         free = steps[None, :] < ring[:, None] - 2 * _CELL_M
         through = here.xy_m + rays[:, None, :] * steps[None, :, None]
         self._met[self._cells(through[free])] = -np.inf
-        hit = ring < self.reach_m
+        hit = ring < REACH_M
         self._met[self._cells(here.xy_m + rays[hit] * ring[hit, None])] = self.driven_m
         self._blocks = [b for b in self._blocks if self.driven_m - b[0] < _HELD_M]
         for since_m, points in self._blocks:
@@ -70,7 +66,7 @@ class ObstacleMap:
     def block(self, here: Pose, course_rad: float) -> None:
         """No headway in this direction: something is there, though the range ring may see past it.
 
-        Such as between two posts: it is a way again after some more driving, if it is seen free.
+        Such as between two posts: it is free again after some more driving, if it is seen so.
         """
         course = np.array([np.cos(course_rad), np.sin(course_rad)])
         across = np.array([-course[1], course[0]]) * np.linspace(-0.5, 0.5, 7)[:, None]
@@ -83,16 +79,16 @@ class ObstacleMap:
 
         None: it stands as near as it can get.
         """
-        way = self.way_m(here, target_xy_m, within_m)
-        if len(way) < 2:
+        path = self.path_m(here, target_xy_m, within_m)
+        if len(path) < 2:
             return None
-        x_m, y_m = self._ahead(here, way) - here.xy_m
+        x_m, y_m = self._ahead(here, path) - here.xy_m
         return float(np.arctan2(y_m, x_m))
 
-    def _ahead(self, here: Pose, way: Array) -> Array:
-        """The farthest point of a way to which it can be cut short."""
-        farthest = way[1]
-        for point in way[2:]:
+    def _ahead(self, here: Pose, path: Array) -> Array:
+        """The farthest point of a path to which it can be cut short."""
+        farthest = path[1]
+        for point in path[2:]:
             onward = point - here.xy_m
             away_m = float(np.hypot(*onward))
             half_m = _SQUEEZE_M if away_m <= _NEAR_M else _RADIUS_M
@@ -104,8 +100,11 @@ class ObstacleMap:
             farthest = point
         return farthest
 
-    def way_m(self, here: Pose, target_xy_m: Array, within_m: float) -> Array:
-        """The points of a way to within some distance of a target, or as near as there is one."""
+    def path_m(self, here: Pose, target_xy_m: Array, within_m: float) -> Array:
+        """The points of a path, (n, 2), to within some distance of a target, or as near as may be.
+
+        They are ``_STEP_CELLS`` cells apart; the first is where the robot is.
+        """
         target = np.asarray(target_xy_m, dtype=float)
         nodes_m, length, before = self._search(here, target[None])
         away_m = np.hypot(*(nodes_m - target).T)
@@ -120,13 +119,13 @@ class ObstacleMap:
         return nodes_m[nodes[::-1]]
 
     def lengths_m(self, here: Pose, places_xy_m: Array) -> Array:
-        """How long the ways to some places (n, 2) are, inf where none is known to be possible."""
+        """How long the paths to some places (n, 2) are, inf where none is known to be possible."""
         nodes_m, length, _ = self._search(here, places_xy_m)
         away_m, nearest = cKDTree(nodes_m).query(places_xy_m)
         return np.where(away_m < 2 * _STEP_CELLS * _CELL_M, length[nearest], np.inf)
 
     def _search(self, here: Pose, places_xy_m: Array) -> tuple[Array, Array, NDArray[np.int64]]:
-        """Free places (n, 2) around here and others, the way to each (n,), and the one before.
+        """Free places (n, 2) around here and others, the path to each (n,), and the one before.
 
         GaveUp where the robot has left its memory behind.
         """

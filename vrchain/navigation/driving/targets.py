@@ -18,10 +18,10 @@ from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.relative_poses import SURE, RelativePoses
-from vrchain.navigation.planning.route import Route
+from vrchain.navigation.planning.route import Leg, Route
 
 _FARTHEST_M = 80.0  # from farther away nothing is driven to
-_STAND_DOUBT = 0.15  # of the distance to where another panorama was taken, as a share
+_POSE_STD = 0.15  # of the distance to where another panorama was taken, as a share
 _ASIDE_M = 5.0  # a landmark so much farther than the next panorama's place lies aside
 _PLACE_STD_M = 1.0  # of a place next to the robot
 _SAME_STD = 2.0  # standard deviations within which two sights of the goal are of one thing
@@ -41,78 +41,83 @@ def targets(
 
     The lookout is from where the goal was seen.
 
-    looks: of each robot of the route, the driving one first; joins: where the plan's panoramas were
-    taken; sights: in which of them the goal is seen. begin: where the first was taken; here: where
-    the robot is.
+    looks: of each robot of the route, the driving one first; poses: relative poses of the plan's
+    panoramas; sights: in which of them the goal is seen. begin: where the first was taken; here:
+    where the robot is.
     """
-    between = [poses.between(a, b) for a, b in pairwise(route.robots)]
-    stands = poses_along(route, poses, begin)
+    taken = poses_along(route, poses, begin)
     found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
-        name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
-        ranges = leg.landmark.ranges or (None, None)
-        step, onward = between[i], stands[i + 1]
-        if leg.by_odometry and onward is not None:
+        places, embedding, onward = list[Estimate](), list[np.ndarray](), taken[i + 1]
+        if onward is None or not leg.by_odometry:
+            step = poses.between(leg.seen_by, leg.next_by)
+            places, embedding = _landmark(leg, looks[i : i + 2], taken[i : i + 2], step, here)
+        place = places[0] if places else None
+        if i and len(places) == 2:
+            place = places[0].with_sight(places[1])
+        if onward is not None and (
+            place is None
+            or np.hypot(*(place.xy_m - last_xy_m))
+            > float(np.hypot(*(onward.xy_m - last_xy_m))) + _ASIDE_M
+        ):
             found.append(_lookout(leg.next_by, onward, here, calibration))
-            last_xy_m = onward.xy_m
-            continue
-        apart_m = None if step is None else float(np.hypot(*step.xy_m))
-        places, embedding = [], []
-        for region, share, seen, stand in zip(
-            (leg.landmark.a, leg.landmark.b), ranges, looks[i : i + 2], stands[i : i + 2],
-            strict=True,
-        ):  # fmt: skip
-            k, p = proposal_of(seen.proposals, region), seen.proposals
-            if k is not None:
-                embedding.append(p.embedding[k])
-            range_m = float(p.range_m[k]) if k is not None else np.inf
-            if k is None and share is not None and apart_m is not None:
-                range_m = share * apart_m
-            if stand is not None and range_m < _FARTHEST_M:
-                off_m = _STAND_DOUBT * stand.distance_to_m(here.xy_m)
-                seen_at = sighted(stand, region.bearing_rad or 0.0, range_m)
-                places.append(seen_at.unsure(off_m))
-        place: Estimate | None = None
-        if places:
-            place = places[0] if i == 0 or len(places) == 1 else places[0].with_sight(places[1])
-        if onward is not None:
-            onward_m = float(np.hypot(*(onward.xy_m - last_xy_m)))
-            if place is None or np.hypot(*(place.xy_m - last_xy_m)) > onward_m + _ASIDE_M:
-                found.append(_lookout(leg.next_by, onward, here, calibration))
-                last_xy_m = onward.xy_m
-                continue
-        if place is None:
+        elif place is not None:
+            name = f"landmark {i + 1}, common to {leg.seen_by} and {leg.next_by}"
+            seen_as = np.stack(embedding) if embedding else np.empty((0, 0), dtype=np.float32)
+            found.append(Tracker(name, place, calibration, seen_as))
+        else:
             break
-        seen_as = np.stack(embedding) if embedding else np.empty((0, 0), dtype=np.float32)
-        found.append(Tracker(name, place, seen_as, calibration))
-        last_xy_m = place.xy_m
-    last = stands[-1]
+        last_xy_m = found[-1].place.xy_m
+    last = taken[-1]
     if last is None:
         return found, None, None
-    goal = sighted(last, route.sighting.bearing_rad, route.sighting.surface_m)
+    goal = route.sighting.place(last)
     for name, sight in sights.items():
-        stand = poses.between(route.seen_by, name)
-        if stand is not None and poses.trust((route.seen_by, name)) >= SURE:
-            too = sighted(placed(last, stand), sight.bearing_rad, sight.surface_m)
+        step = poses.between(route.seen_by, name)
+        if step is not None and poses.trust((route.seen_by, name)) >= SURE:
+            too = sight.place(placed(last, step))
             goal = goal.with_sight(too) if goal.astray(too) < _SAME_STD else goal
-    goal = goal.unsure(_STAND_DOUBT * last.distance_to_m(here.xy_m))
+    goal = goal.unsure(_POSE_STD * last.distance_to_m(here.xy_m))
     return found, goal, _lookout(route.seen_by, last, here, calibration)
 
 
 def poses_along(route: Route, poses: RelativePoses, begin: Pose) -> list[Pose | None]:
     """Where each panorama of a route was taken, the first at ``begin``; None: nothing tells."""
-    stands: list[Pose | None] = [begin]
+    taken: list[Pose | None] = [begin]
     for a, b in pairwise(route.robots):
-        stand, step = stands[-1], poses.between(a, b)
-        stands.append(None if stand is None or step is None else placed(stand, step))
-    return stands
+        before, step = taken[-1], poses.between(a, b)
+        taken.append(None if before is None or step is None else placed(before, step))
+    return taken
 
 
-def _lookout(name: str, stand: Pose, here: Pose, calibration: Calibration) -> Tracker:
+def _landmark(
+    leg: Leg, looks: Sequence[Look], taken: Sequence[Pose | None], step: Pose | None, here: Pose
+) -> tuple[list[Estimate], list[np.ndarray]]:
+    """Where a leg's landmark is, and what it looks like, by each of its two panoramas that tells.
+
+    taken: where the two were taken; step: the relative pose of the second.
+    """
+    landmark, places, embedding = leg.landmark, [], []
+    for region, share, seen, pose in zip(
+        (landmark.a, landmark.b), landmark.ranges or (None, None), looks, taken, strict=True
+    ):
+        k, p, range_m = proposal_of(seen.proposals, region), seen.proposals, np.inf
+        if k is not None:
+            embedding.append(p.embedding[k])
+            range_m = float(p.range_m[k])
+        elif share is not None and step is not None:
+            range_m = share * float(np.hypot(*step.xy_m))
+        if pose is not None and range_m < _FARTHEST_M:
+            seen_at = sighted(pose, region.bearing_rad or 0.0, range_m)
+            places.append(seen_at.unsure(_POSE_STD * pose.distance_to_m(here.xy_m)))
+    return places, embedding
+
+
+def _lookout(name: str, pose: Pose, here: Pose, calibration: Calibration) -> Tracker:
     """A panorama's place, to drive to."""
-    std_m = _PLACE_STD_M + _STAND_DOUBT * stand.distance_to_m(here.xy_m)
-    place = Estimate(stand.xy_m, std_m**2 * np.eye(2))
-    return Tracker.of_place(f"where {name} looked around", place, calibration)
+    std_m = _PLACE_STD_M + _POSE_STD * pose.distance_to_m(here.xy_m)
+    place = Estimate(pose.xy_m, std_m**2 * np.eye(2))
+    return Tracker(f"where {name} looked around", place, calibration)
 
 
 def proposal_of(proposals: Proposals, region: Region) -> int | None:

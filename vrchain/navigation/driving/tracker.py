@@ -1,6 +1,6 @@
 """Keeping in mind what is driven to: where it is, and whether a view shows it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,45 +24,41 @@ class Tracker:
 
     name: str
     place: Estimate
-    embedding: NDArray[np.float32]
     calibration: Calibration
+    embedding: NDArray[np.float32] = field(
+        default_factory=lambda: np.empty((0, 0), dtype=np.float32)
+    )
     seen: int = 0
     missed: int = 0
-
-    @classmethod
-    def of_place(cls, name: str, place: Estimate, calibration: Calibration) -> "Tracker":
-        """A mere place."""
-        return cls(name, place, np.empty((0, 0), dtype=np.float32), calibration)
 
     def moved(self, way_m: float) -> None:
         """The robot has driven so far: odometry has drifted."""
         self.place = self.place.after(way_m)
 
-    def update(self, look: Look, here: Pose) -> bool:
-        """Take in a look that should show it; whether it does."""
+    def update(self, look: Look, here: Pose) -> None:
+        """Take in a look that should show it."""
         if len(self.embedding) == 0:
-            return False
-        best = self._best(look, here)
-        if best is None:
+            return
+        worth, index, sight = max(
+            self._sights(look, here), key=lambda found: found[0], default=(_LEAST, -1, self.place)
+        )
+        if worth <= _LEAST:
             self.missed += 1
-            return False
-        index, sight = best
+            return
         self.place = self.place.with_sight(sight)
         self.embedding = np.vstack([self.embedding[:4], look.proposals.embedding[index]])
         self.seen, self.missed = self.seen + 1, 0
-        return True
 
-    def _best(self, look: Look, here: Pose) -> tuple[int, Estimate] | None:
-        p = look.proposals
+    def _sights(self, look: Look, here: Pose) -> list[tuple[float, int, Estimate]]:
+        """Proposals that may be it: how much speaks for each, its index, and where it is."""
+        p, found = look.proposals, list[tuple[float, int, Estimate]]()
         if len(p) == 0:
-            return None
+            return found
         looks = self.calibration.appearance((p.embedding @ self.embedding.T).max(axis=1))
-        found = []
         for i in np.flatnonzero(looks > -1.0):
             bearing, range_m = float(wrap_angle_rad(p.bearing_rad[i])), float(p.range_m[i])
             sight = sighted(here, bearing, range_m)
             astray = self.place.astray(sight)
             if astray <= _ASTRAY:
                 found.append((float(looks[i]) + 1.0 - astray**2 / 2, int(i), sight))
-        worth, index, sight = max(found, key=lambda f: f[0], default=(_LEAST, -1, self.place))
-        return (index, sight) if worth > _LEAST else None
+        return found

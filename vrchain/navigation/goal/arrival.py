@@ -1,4 +1,4 @@
-"""What may be the goal, driving up to it, and making sure that it is the goal.
+"""Driving up to what may be the goal, and making sure that it is the goal.
 
 A wrong arrival is worse than none: it is claimed where sights were surely of the goal, the range
 ring meets something there, and the goal looks as large as it should.
@@ -9,23 +9,23 @@ from dataclasses import replace
 
 import numpy as np
 
-from vrchain.navigation.driving.drive import Array, Pilot
-from vrchain.navigation.driving.estimates import Estimate, sighted
-from vrchain.navigation.goal.candidates import EVEN, SHAPE_M, Candidate
-from vrchain.navigation.goal.recognition import GoalSight, KnownGoal
-from vrchain.navigation.perception import Look
-from vrchain.navigation.settings import Log
+from vrchain.navigation.driving.estimates import Array, Estimate, sighted
+from vrchain.navigation.driving.obstacles import REACH_M
+from vrchain.navigation.goal.candidates import (
+    EVEN,
+    SAME_STD,
+    SHAPE_M,
+    Candidate,
+    Candidates,
+    at_odds,
+)
 
-_DOUBTED_M = 7.0  # around where a goal was not confirmed, nothing is taken for it again,
-_SURER = 5.0  # unless its odds are so many times what they were
-_SAME_STD = 3.0  # standard deviations within which two sights are of one thing
-_ASTRAY = 4.0  # ... beyond which a glance did not show what is driven to
+_ASTRAY = 4.0  # standard deviations beyond which a glance did not show what is driven to
 NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
-# Of its odds is left after each. Of goals that were likely, not sure, at 11 m 24 % were not seen
-# from 6.5 m, of other houses that were likely 48 %, in suburbs of seeds 1343 and 1344.
+# Of its odds is left after each: at 11 m likely goals were not seen from 6.5 m in 24 %, likely
+# other houses in 48 %, in suburbs of seeds 1343 and 1344.
 _AGAIN = 0.5
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
-_START_M = 10.0  # a detour of no length costs so much
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
 _AHEAD_RAD = 0.15
 _SHIFTS_M2_PER_M = 0.2  # the nearest side of what is wide is another as the robot drives
@@ -34,92 +34,57 @@ _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 _FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
 _STEPS_ROUND = 10  # round that
-# What looks to be farther is not what the range ring met, 1 m from the robot: see ``suspects``.
-# Unless that goes on, as its wall does, to where it is met, so much of the way to where it looks.
+# What looks to be so much farther is not what the range ring met (see ``Candidate.by_size``),
+# unless that goes on, as its wall does, to where it is met, so much of the way to where it looks.
 # Of 123 sights from within 2.2 m of its side 37 looked far, 13 with that; of 83 from 3.2 to 5.5 m
 # all did, with that too; in suburbs of seeds 1343 to 1347.
 _LOOKS_FAR_M, _OF_THE_WAY = 3.0, 0.5
 _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that gets it nowhere
-# Of the six around a goal, counted from where the robot stands. From 231 places that showed one of
-# 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344, it was sure from that side
-# in 75 %, with one side more in 89 %, with two in 96 %, with three in 98 %. A side costs some 17 s.
-# As many as leave it likely, three at most: in 96 %, after 0.3; other houses were left after 0.9.
-_SIDES, _SIDES_OF_IT = 5, 3  # at most, until it is sure; and then, to get nearer to it
+# At most, of the six around a goal, until it is sure; and then, to get nearer to it. From 231
+# places that showed one of 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344,
+# it was sure from that side in 75 %, with 1, 2, 3 sides more in 89, 96, 98 %. A side costs 17 s.
+_SIDES, _SIDES_OF_IT = 5, 3
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
 
 
-class Arrival:
-    """Suspects, and driving up to one of them."""
-
-    def __init__(self, pilot: Pilot, goal: KnownGoal, log: Log) -> None:
-        self.pilot, self.goal, self.log = pilot, goal, log
-        self.candidates: list[Candidate] = []
-        # Where what looked like the goal was something else, and its surest sight.
-        self._mistaken: list[tuple[Array, float]] = []
-        self._blocked: list[Array] = []  # where no way led to it
-
-    @property
-    def likeliest(self) -> Candidate | None:
-        """What may be the goal and is worth the way to it, the most likely one first."""
-        pilot = self.pilot
-        worth = [
-            s for s in self.candidates
-            if not self.was_mistaken(s.place, s.surest)
-            and s.chance >= min(
-                pilot.config.likely,
-                pilot.config.chance_per_m * (s.place.range_m(pilot.here) + _START_M),
-            )
-        ]  # fmt: skip
-        return max(worth, key=lambda s: s.chance, default=None)
-
-    def note(self, look: Look) -> Candidate | None:
-        """Take in a look around; what may be the goal in it and was no mistake before."""
-        sight = self.goal.find(look, fair=self._is_fair)
-        if sight is None or sight.chance < self.pilot.config.least_chance:
-            return None
-        place = self._place_of(sight)
-        for i, known in enumerate(self.candidates):
-            if known.place.astray(place) < _SAME_STD:
-                self.candidates[i] = self._with_sight(known, sight)
-                return self.candidates[i]
-        self.candidates.append(Candidate(place, sight.chance, ((self.pilot.here, sight),)))
-        return self.candidates[-1]
-
-    def was_mistaken(self, place: Estimate, chance: float = 0.0) -> bool:
-        """Whether what is there looked like the goal and was something else.
-
-        chance: of a sight of it; one that is far surer than all before makes it worth another try.
-        """
-        return any(
-            _is_near(xy_m, place) and chance <= _at_odds(before, _SURER)
-            for xy_m, before in self._mistaken
-        )
-
-    def is_blocked(self, place: Estimate) -> bool:
-        """Whether no way led to what is there, which may be the goal all the same."""
-        return self._was_blocked(place) and not self.was_mistaken(place)
+class Arrival(Candidates):
+    """Candidates for the goal, and driving up to one of them."""
 
     def drive_to(self, candidate: Candidate) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
+        config = self.pilot.config
         self._begin(candidate)
         candidate = self._close_in(candidate)
-        if not candidate.is_sure(self.pilot.config) and self._is_worth_a_circle(candidate):
+        if not candidate.is_sure(config) and self._is_worth_a_circle(candidate):
             candidate = self._circle(candidate)
-        if not candidate.is_sure(self.pilot.config):
-            return self._doubt(candidate)
-        candidate = self._driven_on(candidate, _TRIES)
-        if self._is_claimed(candidate):
-            return True
-        before = candidate.place
-        for side in self._sides(candidate, _SIDES_OF_IT):
-            candidate = self._regarded(replace(candidate, place=side))
-            candidate = self._driven_on(self._close_in(candidate), 1)
+        if candidate.is_sure(config):
+            candidate = self._driven_on(candidate, _TRIES)
             if self._is_claimed(candidate):
                 return True
-        if not candidate.is_sure(self.pilot.config):
-            return self._doubt(replace(candidate, place=before))
-        return self._give_up(replace(candidate, place=before))
+            before = candidate.place
+            for side in self._sides(candidate, _SIDES_OF_IT):
+                candidate = self._regarded(replace(candidate, place=side))
+                candidate = self._driven_on(self._close_in(candidate), 1)
+                if self._is_claimed(candidate):
+                    return True
+            candidate = replace(candidate, place=before)
+        if candidate.is_sure(config):
+            self.log("blocked", "no way leads to the goal from here")
+            self._not_again(candidate)
+        else:
+            self.log("doubt", "it never looked enough like the goal's pictures")
+            if candidate.sights:
+                self._not_again(candidate, candidate.place.range_m(self.pilot.here) < NEAR_M)
+        return False
+
+    def _is_likely(self, candidate: Candidate) -> bool:
+        return bool(candidate.sights) and candidate.chance >= EVEN
+
+    def _is_worth_a_circle(self, candidate: Candidate) -> bool:
+        """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
+        known = self.was_mistaken(candidate.place, candidate.surest)
+        return self._is_likely(candidate) and not known
 
     def _circle(self, candidate: Candidate) -> Candidate:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
@@ -133,7 +98,7 @@ class Arrival:
             candidate = self._regarded(replace(candidate, place=side))
             if candidate.is_sure(self.pilot.config):
                 return self._close_in(candidate)
-            chance = _at_odds(chance, _AGAIN)
+            chance = at_odds(chance, _AGAIN)
             if chance < EVEN:
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
@@ -142,17 +107,10 @@ class Arrival:
 
     def _is_claimed(self, candidate: Candidate) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""
-        if not (candidate.is_sure(self.pilot.config) and self._is_there(candidate)):
-            return False
-        self._draw_up(candidate)
-        return True
-
-    def _doubt(self, candidate: Candidate) -> bool:
-        """What was seen from near and never surely looked like the goal; never arrived."""
-        self.log("doubt", "it never looked enough like the goal's pictures")
-        if candidate.sights:
-            self._not_again(candidate, candidate.place.range_m(self.pilot.here) < NEAR_M)
-        return False
+        claimed = candidate.is_sure(self.pilot.config) and self._is_there(candidate)
+        if claimed:
+            self._draw_up(candidate)
+        return claimed
 
     def _driven_on(self, candidate: Candidate, tries: int) -> Candidate:
         """On to where it is by its size, while it looks farther than what was met, or none was."""
@@ -186,61 +144,6 @@ class Arrival:
         at = any(self._is_at(place, _NEARLY_M) for place in places)
         return at and self._behind_this(candidate) is None
 
-    def _give_up(self, candidate: Candidate) -> bool:
-        """What cannot be reached is tried once more, later; never arrived."""
-        self.log("blocked", "no way leads to the goal from here")
-        self._not_again(candidate)
-        return False
-
-    def _not_again(self, candidate: Candidate, refuted: bool = False) -> None:
-        """Nothing there is the goal, or else it is tried once more."""
-        if refuted or self._was_blocked(candidate.place):
-            self._mistaken.append((candidate.place.xy_m, candidate.surest))
-        else:
-            self._blocked.append(candidate.place.xy_m)
-
-    def _was_blocked(self, place: Estimate) -> bool:
-        return any(_is_near(xy_m, place) for xy_m in self._blocked)
-
-    def _begin(self, candidate: Candidate) -> None:
-        """It is a suspect no longer: it is driven to."""
-        pilot = self.pilot
-        self.candidates = [s for s in self.candidates if s is not candidate]
-        self.log(
-            "approach", "the goal", len(pilot.looks) - 1,
-            bearing_deg=round(float(np.degrees(candidate.place.bearing_rad(pilot.here))), 1),
-            range_m=round(candidate.place.range_m(pilot.here), 1),
-            chance=round(candidate.chance, 2),
-        )  # fmt: skip
-
-    def _place_of(self, sight: GoalSight) -> Estimate:
-        """Where the goal's nearest side is."""
-        return sighted(self.pilot.here, sight.bearing_rad, sight.surface_m)
-
-    def _is_fair(self, sight: GoalSight) -> bool:
-        """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
-        return not self.was_mistaken(self._place_of(sight), sight.chance)
-
-    def _is_likely(self, candidate: Candidate) -> bool:
-        return bool(candidate.sights) and candidate.chance >= EVEN
-
-    def _is_worth_a_circle(self, candidate: Candidate) -> bool:
-        """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
-        return self._is_likely(candidate) and not self.was_mistaken(
-            candidate.place, candidate.surest
-        )
-
-    def _with_sight(self, candidate: Candidate, sight: GoalSight) -> Candidate:
-        """One more sight of it; a second one from one place tells nothing new."""
-        if not candidate.is_anew(self.pilot.here):
-            return replace(candidate, chance=max(candidate.chance, sight.chance))
-        return replace(
-            candidate,
-            place=candidate.place.with_sight(self._place_of(sight)),
-            chance=max(candidate.chance if candidate.sights else 0.0, sight.chance),
-            sights=(*candidate.sights, (self.pilot.here, sight)),
-        )
-
     def _close_in(self, candidate: Candidate) -> Candidate:
         """Drive up to its side, with a glance every few metres, unless it turns out to be none."""
         pilot, config = self.pilot, self.pilot.config
@@ -253,13 +156,7 @@ class Arrival:
                     candidate = self._regarded(candidate)
             elif looked_m >= config.look_every_m:
                 looked_m = 0.0
-                sight = self.goal.find(pilot.look_around(), fair=self._is_fair)
-                if sight is not None and sight.chance >= config.least_chance:
-                    place = self._place_of(sight)
-                    if candidate.place.astray(place) < _SAME_STD:
-                        candidate = replace(self._with_sight(candidate, sight), place=place)
-                    elif sight.chance > candidate.chance:
-                        candidate = Candidate(place, sight.chance, ((pilot.here, sight),))
+                candidate = self._seen_from_afar(candidate)
             if candidate.against >= _AGAINST and not self._is_likely(candidate):
                 break
             candidate = self._felt(candidate)
@@ -267,25 +164,35 @@ class Arrival:
             if way_m is None:
                 break
             glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
-            shifted_m = float(np.sqrt(_SHIFTS_M2_PER_M * way_m))
-            candidate = replace(candidate, place=candidate.place.unsure(shifted_m))
+            candidate = replace(candidate, place=candidate.place.after(way_m, _SHIFTS_M2_PER_M))
         return self._felt(candidate)
+
+    def _seen_from_afar(self, candidate: Candidate) -> Candidate:
+        """What a look all around tells of it, or what more likely is the goal."""
+        sight, here = self.goal.find(self.pilot.look_around(), fair=self._is_fair), self.pilot.here
+        if sight is not None and sight.chance >= self.pilot.config.least_chance:
+            place = sight.place(here)
+            if candidate.place.astray(place) < SAME_STD:
+                return replace(candidate.with_sight(here, sight), place=place)
+            if sight.chance > candidate.chance:
+                return Candidate.seen(here, sight)
+        return candidate
 
     def _regarded(self, candidate: Candidate) -> Candidate:
         """What a glance at it tells."""
         pilot, place = self.pilot, candidate.place
-        bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
+        bearing, range_m = place.seen_from(pilot.here)
         look = pilot.glance(bearing)
         window_rad = float(np.clip(2 * place.std_m / max(range_m, 1.0), 0.2, 1.0))
         sight = self.goal.find(look, bearing, window_rad)
         missed = sight is None or sight.chance < _DOUBT_CHANCE
-        if sight is None or missed or place.astray(self._place_of(sight)) > _ASTRAY:
+        if sight is None or missed or place.astray(sight.place(pilot.here)) > _ASTRAY:
             shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
             if not SHAPE_M < shown_m < NEAR_M:
                 return candidate  # from so far, or so near to what hides it, it may not be seen
-            left = _at_odds(candidate.chance, _AGAIN)
+            left = at_odds(candidate.chance, _AGAIN)
             return replace(candidate, chance=left, against=candidate.against + 1)
-        return self._with_sight(candidate, sight)
+        return candidate.with_sight(pilot.here, sight)
 
     def _sides(self, candidate: Candidate, n: int) -> Iterator[Estimate]:
         """Its next sides, each once the robot has driven to look at it."""
@@ -310,8 +217,7 @@ class Arrival:
 
     def _is_at(self, place: Estimate, reach_m: float) -> bool:
         """Whether the goal's side is within reach, and something is there."""
-        pilot = self.pilot
-        bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
+        pilot, (bearing, range_m) = self.pilot, place.seen_from(self.pilot.here)
         if range_m <= _BESIDE_M and pilot.ahead_m(bearing, _BESIDE_RAD) <= _TOUCH_M:
             return True
         return range_m <= reach_m and pilot.ahead_m(bearing, _AHEAD_RAD) <= reach_m + _FELT_M
@@ -327,7 +233,7 @@ class Arrival:
         bearing = place.bearing_rad(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
-        if ahead_m + _THIN_M < front_m < pilot.obstacles.reach_m and candidate.width_m >= _WIDE_M:
+        if ahead_m + _THIN_M < front_m < REACH_M and candidate.width_m >= _WIDE_M:
             self.log("round", "something narrow stands before it")
             there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):
@@ -340,25 +246,24 @@ class Arrival:
         Not what is met beyond where it was seen last: the robot has passed it.
         """
         pilot, place = self.pilot, candidate.place
-        bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
+        bearing, range_m = place.seen_from(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
-        if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < pilot.obstacles.reach_m:
+        if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < REACH_M:
             return candidate  # what is before it is to be driven around
         met_xy_m = sighted(pilot.here, bearing, ahead_m).xy_m
         for stood, sight in candidate.sights[-1:]:
-            seen = sighted(stood, sight.bearing_rad, sight.surface_m)
-            if float(np.hypot(*(met_xy_m - seen.xy_m))) > _SAME_STD * seen.std_m:
+            seen = sight.place(stood)
+            if float(np.hypot(*(met_xy_m - seen.xy_m))) > SAME_STD * seen.std_m:
                 return candidate
         return replace(candidate, place=Estimate(met_xy_m, place.covariance))
 
     def _seen_around(self, candidate: Candidate) -> Candidate:
-        """What a look all around tells of it."""
-        look = self.pilot.look_around()
-        bearing_rad = candidate.place.bearing_rad(self.pilot.here)
-        sight = self.goal.find(look, bearing_rad, _BESIDE_RAD)
-        if sight is None or sight.chance < EVEN or not candidate.is_anew(self.pilot.here):
+        """What a look all around from beside it tells of its size."""
+        look, here = self.pilot.look_around(), self.pilot.here
+        sight = self.goal.find(look, candidate.place.bearing_rad(here), _BESIDE_RAD)
+        if sight is None or sight.chance < EVEN or not candidate.is_anew(here):
             return candidate
-        return replace(candidate, sights=(*candidate.sights, (self.pilot.here, sight)))
+        return replace(candidate, sights=(*candidate.sights, (here, sight)))
 
     def _behind_this(self, candidate: Candidate) -> Array | None:
         """Where its side is, (2,), by how large it looked lately, if that is not here."""
@@ -372,8 +277,7 @@ class Arrival:
 
     def _is_along_its_wall(self, place: Estimate) -> bool:
         """Whether the robot, seeing it there, looks along its wall, and stands before that."""
-        pilot = self.pilot
-        bearing, range_m = place.bearing_rad(pilot.here), place.range_m(pilot.here)
+        pilot, (bearing, range_m) = self.pilot, place.seen_from(self.pilot.here)
         if pilot.ahead_m(bearing, _AHEAD_RAD, np.median) < _OF_THE_WAY * range_m:
             return False
         return pilot.surface_m(bearing) <= _NEARLY_M
@@ -382,14 +286,3 @@ class Arrival:
 def _about(xy_m: Array) -> Estimate:
     """A place known to some 2 m."""
     return Estimate(xy_m, 4.0 * np.eye(2))
-
-
-def _at_odds(chance: float, times: float) -> float:
-    """A chance, at so many times its odds."""
-    odds = times * chance  # against 1 - chance
-    return odds / (odds + 1 - chance)
-
-
-def _is_near(known_xy_m: Array, place: Estimate) -> bool:
-    """Whether a place is one that is known, about."""
-    return bool(np.hypot(*(place.xy_m - known_xy_m)) < _DOUBTED_M)

@@ -1,26 +1,31 @@
 """What may be the goal, and what its sights tell: whether it surely is, how wide, and how far."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.driving.estimates import Array, Estimate
-from vrchain.navigation.goal.recognition import BY_CHANCE, GoalSight
-from vrchain.navigation.settings import MissionConfig
+from vrchain.navigation.goal.recognition import BY_CHANCE, GoalSight, KnownGoal
+from vrchain.navigation.perception import Look
+from vrchain.navigation.settings import Log, MissionConfig
 
 EVEN = 0.5  # chance of a sight that is rather of the goal than not
 SHAPE_M = 5.0  # sights from nearer show no shape
+SAME_STD = 3.0  # standard deviations within which two sights are of one thing
 _AGREE = 2  # sights from farther, at least, that a plain goal is known by
 _ANEW_M = 0.5  # from each other, and it is another sight
 _RICH = 500  # keypoints on a goal in a picture, from which it is no plain thing
 _SIDE_RAD = 0.8  # sights in directions so far apart show one side of it
 # How large it looks tells how far it is to a share and some metres more, beside an error of its
-# pictures' distance, the same in all sights (see ``goal``). On 104 approaches in suburbs of seeds
-# 1341 and 1342 its side was told to be more than 3 m away in 6 of 43 sights from 2 m, and less in 2
-# of 79 from 4 to 5 m; in 7 % and 9 % it was 3.5 m.
+# pictures' distance, the same in all sights. On 104 approaches in suburbs of seeds 1341 and 1342
+# it told more than 3 m in 6 of 43 sights from 2 m, and less in 2 of 79 from 4 to 5 m.
 _GREW, _SIZE_STD, _SIZE_STD_M = 3, 0.1, 0.3  # in so many sights, at least
 _TAKEN_STD = 0.16
+_MISTAKEN_M = 7.0  # around what was not the goal, nothing is taken for it again,
+_SURER = 5.0  # unless its odds are so many times what they were
+_START_M = 10.0  # a detour of no length costs so much
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,9 +41,25 @@ class Candidate:
     sights: tuple[tuple[Pose, GoalSight], ...] = ()
     against: int = 0
 
+    @classmethod
+    def seen(cls, here: Pose, sight: GoalSight) -> "Candidate":
+        """By its first sight."""
+        return cls(sight.place(here), sight.chance, ((here, sight),))
+
     def is_anew(self, here: Pose) -> bool:
         """Whether it was not seen from here before."""
         return all(stood.distance_to_m(here.xy_m) >= _ANEW_M for stood, _ in self.sights)
+
+    def with_sight(self, here: Pose, sight: GoalSight) -> "Candidate":
+        """With one more sight of it; a second one from one place tells nothing new."""
+        if not self.is_anew(here):
+            return replace(self, chance=max(self.chance, sight.chance))
+        return replace(
+            self,
+            place=self.place.with_sight(sight.place(here)),
+            chance=max(self.chance if self.sights else 0.0, sight.chance),
+            sights=(*self.sights, (here, sight)),
+        )
 
     def is_sure(self, config: MissionConfig) -> bool:
         """Whether arrival may be claimed there: more is seen of it than of a house of its make.
@@ -82,6 +103,83 @@ class Candidate:
         return stood[-1] + by_growth(stood, away) * away[-1], away[-1]
 
 
+class Candidates:
+    """What looks around show that may be the goal, and what there turned out to be none."""
+
+    def __init__(self, pilot: Pilot, goal: KnownGoal, log: Log) -> None:
+        self.pilot, self.goal, self.log = pilot, goal, log
+        self.candidates: list[Candidate] = []
+        self._mistaken: list[tuple[Array, float]] = []  # where that was, and its surest sight
+        self._blocked: list[Array] = []  # where no path led to it
+
+    @property
+    def likeliest(self) -> Candidate | None:
+        """What may be the goal and is worth the way to it, the most likely one first."""
+        config = self.pilot.config
+
+        def is_worth_it(candidate: Candidate) -> bool:
+            detour_m = candidate.place.range_m(self.pilot.here) + _START_M
+            return candidate.chance >= min(config.likely, config.chance_per_m * detour_m)
+
+        worth = [
+            c
+            for c in self.candidates
+            if not self.was_mistaken(c.place, c.surest) and is_worth_it(c)
+        ]
+        return max(worth, key=lambda c: c.chance, default=None)
+
+    def note(self, look: Look) -> Candidate | None:
+        """Take in a look around; what may be the goal in it and was no mistake before."""
+        here = self.pilot.here
+        sight = self.goal.find(look, fair=self._is_fair)
+        if sight is None or sight.chance < self.pilot.config.least_chance:
+            return None
+        for i, known in enumerate(self.candidates):
+            if known.place.astray(sight.place(here)) < SAME_STD:
+                self.candidates[i] = known.with_sight(here, sight)
+                return self.candidates[i]
+        self.candidates.append(Candidate.seen(here, sight))
+        return self.candidates[-1]
+
+    def was_mistaken(self, place: Estimate, chance: float = 0.0) -> bool:
+        """Whether what is there looked like the goal and was something else.
+
+        chance: of a sight of it; one that is far surer than all before makes it worth another try.
+        """
+        return any(
+            _is_near(xy_m, place) and chance <= at_odds(before, _SURER)
+            for xy_m, before in self._mistaken
+        )
+
+    def is_blocked(self, place: Estimate) -> bool:
+        """Whether no path led to what is there, which may be the goal all the same."""
+        return self._was_blocked(place) and not self.was_mistaken(place)
+
+    def _begin(self, candidate: Candidate) -> None:
+        """It waits no longer: it is driven to."""
+        self.candidates = [c for c in self.candidates if c is not candidate]
+        bearing, range_m = candidate.place.seen_from(self.pilot.here)
+        self.log(
+            "approach", "the goal", len(self.pilot.looks) - 1,
+            bearing_deg=round(float(np.degrees(bearing)), 1), range_m=round(range_m, 1),
+            chance=round(candidate.chance, 2),
+        )  # fmt: skip
+
+    def _not_again(self, candidate: Candidate, refuted: bool = False) -> None:
+        """Nothing there is the goal, or else it is tried once more."""
+        if refuted or self._was_blocked(candidate.place):
+            self._mistaken.append((candidate.place.xy_m, candidate.surest))
+        else:
+            self._blocked.append(candidate.place.xy_m)
+
+    def _was_blocked(self, place: Estimate) -> bool:
+        return any(_is_near(xy_m, place) for xy_m in self._blocked)
+
+    def _is_fair(self, sight: GoalSight) -> bool:
+        """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
+        return not self.was_mistaken(sight.place(self.pilot.here), sight.chance)
+
+
 def _is_surest(sight: GoalSight, config: MissionConfig) -> bool:
     """Whether it looks like nothing but the goal, and shows enough of it, however plain."""
     rich = min(1.0, sight.n_shown / _RICH) if sight.n_shown else 1.0
@@ -109,3 +207,14 @@ def by_growth(stood: Array, away: Array) -> float:
     share, variance = max(0.0, float(fitted[2])), max(1.0, off) * float(spread[2, 2])
     mean = (variance + _TAKEN_STD**2 * share) / (variance + _TAKEN_STD**2)
     return max(mean, share - 2 * variance**0.5)
+
+
+def at_odds(chance: float, times: float) -> float:
+    """A chance, at so many times its odds."""
+    odds = times * chance  # against 1 - chance
+    return odds / (odds + 1 - chance)
+
+
+def _is_near(known_xy_m: Array, place: Estimate) -> bool:
+    """Whether a place is one that is known, about."""
+    return bool(np.hypot(*(place.xy_m - known_xy_m)) < _MISTAKEN_M)

@@ -1,4 +1,4 @@
-"""A goal that is a place, known by the panorama taken there, and driving up to it.
+"""A goal that is a place, known by the panorama taken there, and homing to it.
 
 From afar, what a look around and that panorama have in common tells where it was taken; from near,
 homing tells it, look by look.
@@ -10,21 +10,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from vrchain.homing import HomeVector, home_vector
-from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.driving.estimates import Estimate, sighted
-from vrchain.navigation.goal.arrival import Arrival
-from vrchain.navigation.goal.candidates import EVEN, Candidate
+from vrchain.navigation.goal.candidates import EVEN, Candidate, Candidates
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.relative_poses import baseline_m
-from vrchain.navigation.settings import Log
 
 _HOMES_M = 8.0  # from so near, homing is believed
 _SURE_MATCHES = 40  # keypoints that agree on the way home, to claim arrival
 _STEP, _STEP_M = 0.7, (0.4, 10.0)  # of the way there from one look to the next; least and most
 _NEAR_M = 0.2  # a place is driven to within so much
 _LOOKS, _ASTRAY = 25, 3  # looks around on the way; those that tell nothing, on end
-ARRIVED_M = 0.7  # by homing; ways are no finer
+ARRIVED_M = 0.7  # by homing; paths are no finer
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,12 +58,10 @@ class GoalPlace:
         return home if home is not None and home.n_matches >= _SURE_MATCHES else None
 
 
-class PlaceArrival(Arrival):
+class PlaceArrival(Candidates):
     """Driving up to a place: nothing stands there, and it is reached when nothing is displaced."""
 
-    def __init__(self, pilot: Pilot, goal: GoalPlace, log: Log) -> None:
-        super().__init__(pilot, goal, log)
-        self._homing = goal.homing
+    goal: GoalPlace
 
     def is_blocked(self, place: Estimate) -> bool:
         """Never: what was not found there was sought there."""
@@ -82,7 +77,7 @@ class PlaceArrival(Arrival):
             if pilot.stretch(place.xy_m, _NEAR_M, way_m) is None and told_nothing:
                 break
             look = pilot.look_around()
-            home = self._homing(look)
+            home = self.goal.homing(look)
             if home is not None and home.arrived:
                 return True
             told = self._told(look, home, place)
@@ -102,4 +97,4 @@ class PlaceArrival(Arrival):
         sight = self.goal.find(look)
         if sight is None or sight.chance < EVEN:
             return None
-        return self._place_of(sight)
+        return sight.place(here)

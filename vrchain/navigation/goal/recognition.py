@@ -1,4 +1,4 @@
-"""The goal as a robot knows it, by pictures alone, and finding it in what is seen.
+"""How a goal is recognised: what a robot knows of it by pictures alone, and finding it in a look.
 
 Three things speak for a proposal being the goal: that it looks alike as a whole, how alike its
 spots are to those of the pictures at about the same height above the ground, and that keypoints
@@ -13,20 +13,21 @@ from typing import Protocol
 
 import numpy as np
 
-from vrchain.geometry import wrap_angle_rad
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
 from vrchain.landmarks.retrieval.lookup import Query, depth, sought, subject, worth_of
 from vrchain.landmarks.retrieval.recognition import Goal, Sighting, Template, goal_of, locate
+from vrchain.navigation.driving.estimates import Estimate, sighted
 from vrchain.navigation.perception import Look, surface_m
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import Panorama
 
 # Log-odds that a proposal is the goal: 1, looks, ten times how alike its spots are, log of its
 # range over 15 m, root of keypoints beyond those that agree by chance. Fitted to what patrols
-# published in suburbs of seeds 1310 and 1311, and 16 goals; of 339 sights that are 0.8 sure by it,
-# in suburbs of seeds 1334 and 1335, and 28 goals, all were right.
+# published in suburbs of seeds 1310 and 1311, of 16 goals; in those of seeds 1334 and 1335, of 28
+# goals, all 339 sights that are 0.8 sure by it were right.
 _BELIEF = np.array([-24.2, 1.52, 2.09, 2.22, 1.54])
 _AMONG = 3  # proposals looked at closely
 BY_CHANCE = 4  # keypoints that agree by chance
@@ -37,8 +38,9 @@ _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 @dataclass(frozen=True)
 class GoalSight:
-    """What may be the goal. surface_m: how far its nearest side is; chance: that it is the goal.
+    """A sight: what one look tells of what may be the goal, in the robot's frame.
 
+    surface_m: how far its nearest side is; chance: that it is the goal.
     n_matches: keypoints that agree with one of its pictures, of n_shown that this shows on it.
     sized: whether its range is told by how large it looks against the pictures.
     """
@@ -53,9 +55,13 @@ class GoalSight:
     sized: bool = False
     n_shown: int = 0
 
+    def place(self, here: Pose) -> Estimate:
+        """Where its nearest side is, seen from here."""
+        return sighted(here, self.bearing_rad, self.surface_m)
+
 
 def any_sight(sight: GoalSight) -> bool:
-    """Nothing is known that speaks against it."""
+    """Every sight is fair: nothing is known that speaks against it."""
     return True
 
 
@@ -96,61 +102,50 @@ class GoalPictures:
         p = look.proposals
         if len(p) == 0 or len(self.shown.embedding) == 0:
             return None
-        middle = (p.box[:, 0] + p.box[:, 1]) / 2
-        half = (p.box[:, 1] - p.box[:, 0]) / 2
         looks = self.shown.appearance(p.embedding, self.calibration)
         alike = self.shown.alike(p, look.spots)
         worth = worth_of(looks, alike)
         if near_rad is not None:
-            off = np.abs(wrap_angle_rad(middle - near_rad))
+            half = (p.box[:, 1] - p.box[:, 0]) / 2
+            off = np.abs(wrap_angle_rad((p.box[:, 0] + p.box[:, 1]) / 2 - near_rad))
             worth = np.where(off < half + window_rad, worth, -np.inf)
         chosen = np.argsort(-worth, kind="stable")[:_AMONG]
-        found: list[GoalSight] = []
-        for i in map(int, chosen[np.isfinite(worth[chosen])]):
-            bearing, half_rad = float(middle[i]), float(half[i])
-            *_, by_keypoint = _BELIEF
-            odds = float(_BELIEF[:-1] @ [1.0, looks[i], 10 * alike[i], depth(p.range_m[i])])
-            hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
-            wide_rad = half_rad + _WIDE_RAD
-            seen = {} if hopeless else _located(self.keypoints, look, bearing, wide_rad)
-            matches, n_shown = max(
-                ((s.n_matches, len(self.keypoints.templates[k].features)) for k, s in seen.items()),
-                default=(0, 0),
-            )
-            odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
-            away_m = [
-                self.taken_m[k] / s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES
-            ]
-            side_m = float(np.median(away_m)) if away_m else surface_m(look, i)
-            found.append(
-                GoalSight(
-                    float(wrap_angle_rad(bearing)), float(p.range_m[i]), side_m, half_rad,
-                    matches, float(looks[i]), float(1 / (1 + np.exp(-odds))), bool(away_m), n_shown,
-                )
-            )  # fmt: skip
+        found = [
+            self._sight(look, int(i), looks[i], alike[i]) for i in chosen if np.isfinite(worth[i])
+        ]
         return max(filter(fair, found), key=lambda s: s.chance, default=None)
 
+    def _sight(self, look: Look, i: int, looks: float, alike: float) -> GoalSight:
+        """Of a proposal, by how alike it looks, its spots, and its keypoints if they may decide."""
+        left, right, *_ = look.proposals.box[i]
+        bearing, half_rad = float((left + right) / 2), float((right - left) / 2)
+        range_m = look.proposals.range_m[i]
+        *_, by_keypoint = _BELIEF
+        odds = float(_BELIEF[:-1] @ [1.0, looks, 10 * alike, depth(range_m)])
+        hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
+        seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
+        matches, n_shown = max(
+            ((s.n_matches, len(self.keypoints.templates[k].features)) for k, s in seen.items()),
+            default=(0, 0),
+        )
+        odds += float(by_keypoint * np.sqrt(max(matches - BY_CHANCE, 0)))
+        away_m = [
+            self.taken_m[k] / s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES
+        ]
+        side_m = float(np.median(away_m)) if away_m else surface_m(look, i)
+        return GoalSight(
+            float(wrap_angle_rad(bearing)), float(range_m), side_m, half_rad, matches,
+            float(looks), float(1 / (1 + np.exp(-odds))), bool(away_m), n_shown,
+        )  # fmt: skip
 
-class FoundOnce:
-    """A goal that is looked for once in each look: those of a ledger are asked for again."""
-
-    def __init__(self, goal: KnownGoal) -> None:
-        self._goal = goal
-        self._found: dict[int, tuple[Look, GoalSight | None]] = {}  # the look is kept: so is its id
-
-    def find(
-        self,
-        look: Look,
-        near_rad: float | None = None,
-        window_rad: float = 0.4,
-        fair: Callable[[GoalSight], bool] = any_sight,
-    ) -> GoalSight | None:
-        """The best fair sight of the goal, within a window around a bearing if one is given."""
-        if near_rad is not None or fair is not any_sight:
-            return self._goal.find(look, near_rad, window_rad, fair)
-        if id(look) not in self._found:
-            self._found[id(look)] = look, self._goal.find(look)
-        return self._found[id(look)][1]
+    def _located(self, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
+        """The goal by keypoints around a bearing, picture by picture."""
+        near = look.features_near(middle_rad, window_rad)
+        found = {
+            k: locate(template, near, min_matches=BY_CHANCE + 1)
+            for k, template in enumerate(self.keypoints.templates)
+        }
+        return {k: seen for k, seen in found.items() if seen is not None}
 
 
 def goal_from(pictures: Sequence[Panorama], weights: Path = SHIPPED) -> GoalPictures:
@@ -172,13 +167,3 @@ def _of_subject(template: Template, picture: LandmarkRecord) -> tuple[Template, 
     # In 256 pictures of suburbs of seed 1338 off by 16 %, where one distance for all is by 28 %.
     taken_m = float(np.clip(surface_m(picture, framed), *GOAL_RANGE_M))
     return replace(template, features=template.features.take(own)), taken_m
-
-
-def _located(goal: Goal, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
-    """The goal by keypoints around a bearing, picture by picture."""
-    near = look.features_near(middle_rad, window_rad)
-    found = {
-        k: locate(template, near, min_matches=BY_CHANCE + 1)
-        for k, template in enumerate(goal.templates)
-    }
-    return {k: seen for k, seen in found.items() if seen is not None}

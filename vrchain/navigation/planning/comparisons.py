@@ -7,78 +7,78 @@ from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.perception import Look
-from vrchain.navigation.planning.odometry import linked, trails
+from vrchain.navigation.planning.odometry import links, tracks
 from vrchain.navigation.planning.pair_selection import bridges, partners
 from vrchain.navigation.planning.relative_poses import (
-    ORIGIN,
     Pair,
     RelativePose,
     RelativePoses,
     pose_from,
 )
-from vrchain.navigation.settings import Published, age_of, robot_of
+from vrchain.navigation.settings import Published, age_of, panorama_name, robot_of
 
 _BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
-_UNSURE = (0.05, 0.99)  # a join of such a chance is checked by further comparisons
+_UNSURE = (0.05, 0.99)  # a relative pose of such a chance is checked by further comparisons
 
 
 class Compared:
     """names: the robot's own panoramas, latest first, then the others, oldest first.
 
-    looks: what each shows; found: what two of them, in that order, have in common. trails: those
-    of one robot that its odometry links, which need not be compared.
+    own: of the first; looks: what each shows; found: what two of them, in that order, have in
+    common. tracks: those of one robot that its odometry links, which need not be compared.
     """
 
     def __init__(
         self,
-        own: Mapping[str, Look],
+        robot: str,
+        own: Sequence[tuple[Pose, Look]],
         known: Mapping[str, Published],
         index: LandmarkIndex[Look],
         trust: Callable[[Look, Look, Comparison], float],
-        stood: Sequence[Pose],
     ) -> None:
+        self.own = tuple(panorama_name(robot, k) for k in range(len(own)))
         times = {n: (p.time_ns, robot_of(n), -age_of(n)) for n, p in known.items()}
-        self.names = (*own, *sorted(known, key=times.__getitem__))
-        self.looks = {**own, **{name: index.look(p.digest) for name, p in known.items()}}
+        self.names = (*self.own, *sorted(known, key=times.__getitem__))
+        self.looks = dict(zip(self.own, (look for _, look in own), strict=True))
+        self.looks |= {name: index.look(p.digest) for name, p in known.items()}
         self.found: dict[Pair, Comparison] = {}
-        self._own, self._known, self._index, self._trust = own, known, index, trust
+        self.tracks = tracks(known, self.looks)
+        self._known, self._index, self._trust = known, index, trust
         self._place = {name: k for k, name in enumerate(self.names)}
-        stands = combinations(zip(own, stood, strict=False), 2)
-        self._poses = {(a, b): RelativePose(relative(p, q), 1.0) for (a, p), (b, q) in stands}
-        self.trails = trails(known, self.looks)
-        self._poses |= {
-            (a, b): RelativePose(moved, 1.0)
-            for trail in self.trails
-            for a, b, moved in linked(trail)
-        }
+        stood = zip(self.own, (pose for pose, _ in own), strict=True)
+        self._poses = {
+            (a, b): RelativePose(relative(p, q), 1.0) for (a, p), (b, q) in combinations(stood, 2)
+        } | {(a, b): RelativePose(moved, 1.0) for t in self.tracks for a, b, moved in links(t)}
         self._left: list[Pair] = []  # not compared, the likeliest first
         self._bridged = 0
         self._told: RelativePoses | None = None  # until something more is compared
 
-    def in_order(self, a: str, b: str) -> Pair:
-        """The two in the order of ``names``."""
-        return (a, b) if self._place[a] < self._place[b] else (b, a)
+    def poses(self) -> RelativePoses:
+        """The relative poses of panoramas, by all comparisons so far and by odometry."""
+        if self._told is None:
+            self._told = RelativePoses(self._poses)
+        return self._told
 
-    def compare(self, a: str, b: str) -> float:
-        """Compare two, in their order: the chance that they are joined rightly."""
+    def _compare(self, a: str, b: str) -> float:
+        """Compare two, in their order: the chance that their relative pose is right."""
         digest = self._known[b].digest
-        if a in self._own:
+        if a in self.own:
             found = self._index.compare_with(self.looks[a], digest)
         else:
             found = self._index.compare(self._known[a].digest, digest)
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
-        self._poses[a, b] = RelativePose(pose_from(ORIGIN, found, self.looks[a].rig), trust)
+        self._poses[a, b] = RelativePose(pose_from(found, self.looks[a].rig), trust)
         self._told = None
         return trust
 
     def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:
         """Those that are likely to have something in common; more, if that leaves seers cut off."""
-        pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self._own]
+        pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self.own]
         pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
         for pair in partners(self.names, pairs):
-            if pair not in self._poses and pair[1] not in self._own:
-                self.compare(*pair)
+            if pair not in self._poses and pair[1] not in self.own:
+                self._compare(*pair)
         self._left = [pair for pair in pairs if pair not in self._poses]
         self.bridge(seers)
 
@@ -90,29 +90,27 @@ class Compared:
         rights = {pair: poses.trust(pair) for pair in self._poses}
         left = [pair for pair in self._left if pair not in rights]
         before, asked = self._index.n_compared, False
-        for pair in bridges(self.names, left, rights, set(self._own), seers):
-            asked, rights[pair] = True, self.compare(*pair)
+        for pair in bridges(self.names, left, rights, set(self.own), seers):
+            asked, rights[pair] = True, self._compare(*pair)
             self._bridged += self._index.n_compared - before
             before = self._index.n_compared
             if self._bridged >= _BRIDGES:
                 break
         return asked
 
-    def poses(self) -> RelativePoses:
-        """How panoramas were joined, by all comparisons so far and by odometry."""
-        if self._told is None:
-            self._told = RelativePoses(self._poses)
-        return self._told
-
     def check(self, pairs: Iterable[Pair]) -> bool:
-        """Compare what tells more of joins that are unsure; False if there is nothing to ask."""
+        """Compare what tells more of pairs that are unsure; False if there is nothing to ask."""
         poses = self.poses()
-        asked_for = [self.in_order(a, b) for a, b in pairs]
+        in_order = [self._in_order(*pair) for pair in pairs]
         unsure = [
-            p for p in asked_for if p in self.found and _UNSURE[0] < poses.trust(p) < _UNSURE[1]
+            p for p in in_order if p in self.found and _UNSURE[0] < poses.trust(p) < _UNSURE[1]
         ]
-        asked = {self.in_order(*other) for pair in unsure for other in poses.unasked(pair)}
-        asked -= set(combinations(self._own, 2))  # odometry tells
+        asked = {self._in_order(*other) for pair in unsure for other in poses.unasked(pair)}
+        asked -= set(combinations(self.own, 2))  # odometry tells
         for pair in sorted(asked):
-            self.compare(*pair)
+            self._compare(*pair)
         return bool(asked)
+
+    def _in_order(self, a: str, b: str) -> Pair:
+        """The two in the order of ``names``."""
+        return (a, b) if self._place[a] < self._place[b] else (b, a)

@@ -1,9 +1,9 @@
-"""The landmark graph: robots, landmarks, and who sees which with what score.
+"""The landmark graph: panoramas, landmarks, and which shows which with what score.
 
-A claim says that a region of one panorama and one of another show the same thing. A robot stands
-for its newest panorama; earlier ones, R2~1, R2~2, are taken for robots that stood where it was.
-A landmark is a connected component of claims. No landmark is twice in one panorama: a component
-that holds two regions of one is split at its weakest claim until none does.
+A claim says that a region of one panorama and one of another show the same thing. A robot's name
+stands for its newest panorama; earlier ones, R2~1, R2~2, are nodes of their own. A landmark is a
+connected component of claims. No landmark is twice in one panorama: a component that holds two
+regions of one is split at its weakest claim until none does.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,6 +14,7 @@ from itertools import combinations, pairwise
 import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
+from scipy.cluster.hierarchy import DisjointSet
 
 from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.navigation.planning.planner import Planner
@@ -33,14 +34,10 @@ class Claim:
 
 @dataclass(frozen=True, eq=False)
 class Sight:
-    """How a robot sees a landmark; score: of the best claim on this region.
-
-    support: indices of the keypoints that claim rests on.
-    """
+    """How a robot sees a landmark; support: indices of the keypoints of the best claim on it."""
 
     region: Region
     support: NDArray[np.int64]
-    score: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,24 +64,22 @@ class Landmark:
             chance = np.maximum(chance, np.outer(chance[:, k], chance[k]))
         found = []
         for a, b in combinations(names, 2):
-            score, claim_or_none = float(chance[place[a], place[b]]), direct.get((a, b))
-            if claim_or_none is not None and claim_or_none.score >= score:
-                found.append(claim_or_none)
+            score, own = float(chance[place[a], place[b]]), direct.get((a, b))
+            if own is not None and own.score >= score:
+                found.append(own)
             elif score > 0:  # a product of very small scores is nothing
-                found.append(Claim(a, b, self._seen_by(a, b, score), score))
+                one, other = self.sights[a], self.sights[b]
+                joined = (one.region, other.region, one.support, other.support)
+                found.append(Claim(a, b, CommonLandmark(score, *joined), score))
         return found
 
-    def way(self, a: str, b: str) -> list[tuple[str, str, Claim]]:
+    def path(self, a: str, b: str) -> list[tuple[str, str, Claim]]:
         """The claims that lead from one that sees it to another, of the greatest product."""
         graph = nx.Graph()
         for claim in sorted(self.claims, key=lambda c: c.score):
             graph.add_edge(claim.a, claim.b, claim=claim, unlikely=-np.log(claim.score))
         names = nx.dijkstra_path(graph, a, b, weight="unlikely")
         return [(one, other, graph.edges[one, other]["claim"]) for one, other in pairwise(names)]
-
-    def _seen_by(self, a: str, b: str, score: float) -> CommonLandmark:
-        of_a, of_b = self.sights[a], self.sights[b]
-        return CommonLandmark(score, of_a.region, of_b.region, of_a.support, of_b.support)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,22 +111,6 @@ class LandmarkGraph:
         """What a landmark node is called: N1, N2 ..."""
         return f"N{landmark + 1}"
 
-    def networkx(self) -> nx.Graph:
-        """Nodes: robots by name, landmarks N1, N2 ..., the goal; edges: who sees what, ``score``.
-
-        Each node has its ``kind``: robot, landmark or goal.
-        """
-        graph = nx.Graph()
-        graph.add_nodes_from(self.robots, kind="robot")
-        for i, landmark in enumerate(self.landmarks):
-            graph.add_node(self.name(i), kind="landmark")
-            for robot, sight in landmark.sights.items():
-                graph.add_edge(robot, self.name(i), score=sight.score)
-        graph.add_node("goal", kind="goal")
-        for robot, score in sorted(self.goal.items()):
-            graph.add_edge(robot, "goal", score=score)
-        return graph
-
 
 def landmark_graph(
     robots: Sequence[str], claims: Sequence[Claim], goal: Mapping[str, float] | None = None
@@ -155,8 +134,8 @@ def landmark_graph(
         sights: dict[str, Sight] = {}
         for claim in (surest_first[k] for k in chosen):
             seen = claim.landmark
-            sights.setdefault(claim.a, Sight(seen.a, seen.support_a, claim.score))
-            sights.setdefault(claim.b, Sight(seen.b, seen.support_b, claim.score))
+            sights.setdefault(claim.a, Sight(seen.a, seen.support_a))
+            sights.setdefault(claim.b, Sight(seen.b, seen.support_b))
         in_order = {name: sights[name] for name in robots if name in sights}
         landmarks.append(Landmark(in_order, tuple(surest_first[k] for k in chosen)))
     return LandmarkGraph(tuple(robots), tuple(landmarks), dict(goal or {}))
@@ -172,32 +151,19 @@ def split_components(
     of one panorama together, is the same as splitting whole components at their weakest claims:
     what a refused claim would have joined, no weaker claim may join to anything.
     """
-    parent = list(range(len(panorama)))  # of the components of all claims so far
-    inside: list[set[object] | None] = [{p} for p in panorama]  # None: split already
-    label = list(range(len(panorama)))
-    regions = [[i] for i in range(len(panorama))]
-
-    def root(i: int) -> int:
-        while parent[i] != i:
-            parent[i] = i = parent[parent[i]]
-        return i
-
+    regions = range(len(panorama))
+    linked, joined = DisjointSet(regions), DisjointSet(regions)  # by all claims, by those kept
+    inside: list[set[object] | None] = [{p} for p in panorama]  # by root; None: it is split
     for u, v in surest_first:
-        a, b = root(u), root(v)
-        if a == b:
+        mine, other = inside[linked[u]], inside[linked[v]]
+        if not linked.merge(u, v):
             continue
-        if len(regions[a]) < len(regions[b]):
-            a, b = b, a
-        parent[b] = a
-        mine, other = inside[a], inside[b]
         if mine is None or other is None or not mine.isdisjoint(other):
-            inside[a] = None
-            continue
-        mine |= other
-        for i in regions[b]:
-            label[i] = label[regions[a][0]]
-        regions[a] += regions[b]
-    return label
+            inside[linked[u]] = None
+        else:
+            inside[linked[u]] = mine | other
+            joined.merge(u, v)
+    return [joined[i] for i in regions]
 
 
 def _numbered(seen: Sequence[tuple[str, Region]]) -> tuple[list[int], list[str]]:

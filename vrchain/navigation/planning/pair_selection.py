@@ -9,23 +9,23 @@ from vrchain.navigation.settings import robot_of
 
 _FEW = 6  # panoramas: of no more, each two are compared
 _PARTNERS, _NEXT = 4, 2  # of more, each with so many of others, most alike, and its robot's next
-_JOINED = 0.5  # trust from which two panoramas hang together
+_JOINED = 0.5  # trust in a relative pose from which two panoramas hang together
 
 
 def partners(
     names: Sequence[str], most_alike_first: Sequence[tuple[str, str]]
 ) -> list[tuple[str, str]]:
     """Those that are compared anyway: all of few; of many, what robots saw in succession, and
-    panoramas of different robots that look alike. names: of each robot the next ones together.
+    panoramas of different robots that look alike. names: each robot's in their order.
     """
     if len(names) <= _FEW:
         return list(combinations(names, 2))
     chosen: set[tuple[str, str]] = set()
-    trails: dict[str, list[str]] = {}
+    earlier: dict[str, list[str]] = {}
     for name in names:
-        trail = trails.setdefault(robot_of(name), [])
-        chosen.update((before, name) for before in trail[-_NEXT:])
-        trail.append(name)
+        own = earlier.setdefault(robot_of(name), [])
+        chosen.update((before, name) for before in own[-_NEXT:])
+        own.append(name)
     rank = dict.fromkeys(names, 0)
     for a, b in most_alike_first:
         if robot_of(a) != robot_of(b):

@@ -5,10 +5,9 @@ arrays are prepared once for a ledger's head; each question is then answered by 
 (Numer. Math. 1, 1959) over the best usable leg of each pair of robots.
 """
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from heapq import heappop, heappush
-from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -20,7 +19,6 @@ from vrchain.errors import VRChainError
 _LOG_UNIT = 1e-9
 _LEGS_BITS = 16
 _NOWHERE = 1 << 200
-_SIDES: tuple[Literal["left"], Literal["right"]] = ("left", "right")
 
 
 class PlanningError(VRChainError):
@@ -95,7 +93,9 @@ class Planner:
         goal: the robots that see it, each with the chance that it is reached from there. None if
         no chain leads to one of them.
         """
-        self._check(start, goal)
+        for robot in (start, *goal):
+            if not 0 <= robot < self.n_robots:
+                raise PlanningError(f"expected a robot of 0 to {self.n_robots - 1}, got {robot}")
         steps = self._steps
         instead = self._next_best(without_landmarks, without_legs)
         scores = np.array([*goal.values()], dtype=float)
@@ -118,7 +118,17 @@ class Planner:
                 if cost + step < reached[other]:
                     reached[other], came[other] = cost + step, (robot, leg)
                     heappush(heap, (cost + step, other))
-        return self._chain(start, last, came, goal) if last >= 0 else None
+        if last < 0:
+            return None
+        robots, legs = [last], []
+        while robots[-1] != start:
+            before, leg = came[robots[-1]]
+            robots.append(before)
+            legs.append(leg)
+        legs.reverse()
+        score = float(np.prod(self.score[legs])) * goal[last]
+        landmarks = tuple(self.landmark[legs].tolist())
+        return Chain(tuple(reversed(robots)), landmarks, tuple(legs), score)
 
     def routes(
         self,
@@ -141,11 +151,6 @@ class Planner:
                 del goal[chain.robots[-1]]
         return found
 
-    def _check(self, start: int, goal: Mapping[int, float]) -> None:
-        for robot in (start, *goal):
-            if not 0 <= robot < self.n_robots:
-                raise PlanningError(f"expected a robot of 0 to {self.n_robots - 1}, got {robot}")
-
     def _next_best(
         self, without_landmarks: Collection[int], without_legs: Collection[int]
     ) -> dict[int, tuple[int, int]]:
@@ -153,37 +158,24 @@ class Planner:
         excluded = set(without_legs)
         if without_landmarks:
             chosen = np.array(sorted(without_landmarks))
-            low, high = (np.searchsorted(self._landmarks, chosen, side) for side in _SIDES)
+            low = np.searchsorted(self._landmarks, chosen, "left")
+            high = np.searchsorted(self._landmarks, chosen, "right")
             for i, j in zip(low, high, strict=True):
                 excluded.update(self._by_landmark[i:j].tolist())
         instead = {}
         for leg in excluded & self._rest.keys():
-            usable = (k for k in range(*self._rest[leg]) if int(self._order[k]) not in excluded)
-            place = next(usable, None)
-            instead[leg] = (
-                (_NOWHERE, leg)
-                if place is None
-                else (int(self._cost[place]), int(self._order[place]))
+            usable = (
+                (int(self._cost[k]), other)
+                for k in range(*self._rest[leg])
+                if (other := int(self._order[k])) not in excluded
             )
+            instead[leg] = next(usable, (_NOWHERE, leg))
         return instead
-
-    def _chain(
-        self, start: int, last: int, came: Sequence[tuple[int, int]], goal: Mapping[int, float]
-    ) -> Chain:
-        robots, legs = [last], []
-        while robots[-1] != start:
-            before, leg = came[robots[-1]]
-            robots.append(before)
-            legs.append(leg)
-        legs.reverse()
-        score = float(np.prod(self.score[legs])) * goal[last]
-        landmarks = tuple(self.landmark[legs].tolist())
-        return Chain(tuple(reversed(robots)), landmarks, tuple(legs), score)
 
 
 def _log_cost(score: NDArray[np.float64]) -> NDArray[np.int64]:
     """Minus the logarithm of chances, in units of 1e-9."""
-    if not ((score > 0) & (score <= 1)).all():
-        bad = score[~((score > 0) & (score <= 1))][0]
-        raise PlanningError(f"expected scores over 0 and up to 1, got {bad}")
+    bad = score[~((score > 0) & (score <= 1))]
+    if len(bad):
+        raise PlanningError(f"expected scores over 0 and up to 1, got {bad[0]}")
     return np.rint(-np.log(score) / _LOG_UNIT).astype(np.int64)

@@ -1,7 +1,7 @@
-"""Where panoramas were taken as seen from others, and whether three of them agree on that.
+"""Relative poses of panoramas, and whether those of three agree.
 
-It is no chance if two rightly joined panoramas tell the same of a third; and if one of them does
-not know a third that, by the other's join with it, is near, that join is probably wrong.
+It is no chance if two rightly matched panoramas tell the same of a third; and if one of them does
+not know a third that, by the other's relative pose, is near, that pose is probably wrong.
 """
 
 from collections.abc import Mapping
@@ -16,16 +16,15 @@ from vrchain.panorama import CameraRig
 
 Pair = tuple[str, str]
 
-SURE = 0.8  # trust from which a join bears witness
+SURE = 0.8  # trust from which a relative pose bears witness
 _TOLD, _FIRM = 0.05, 0.5  # trust below which it tells nothing, from which it tells for sure
 _NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the place of either
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
 _ELSEWHERE = 2.0  # times what still passes for agreement
 # The odds times so much for each witness that agrees, for each that knows nothing of what should
-# be near, and for each that firmly knows it elsewhere; of so many, the nearest. By all joins of
-# four patrols of seeds 1311 and 1312: of the witnesses of right ones 0.84 agree, 0.05 know nothing
-# and 0.001 know it elsewhere, of those of wrong ones 0.003, 0.85 and 0.10. The odds are less than
-# that says, as witnesses err together.
+# be near, and for each that firmly knows it elsewhere; of so many, the nearest. By four patrols of
+# seeds 1311 and 1312: of the witnesses of right poses 0.84 agree, 0.05 know nothing and 0.001 know
+# it elsewhere, of those of wrong ones 0.003, 0.85 and 0.10; less here, as witnesses err together.
 _FOR, _AGAINST, _DENIED, _HEARD = 20.0, 0.4, 0.05, 6
 ORIGIN = Pose(0.0, 0.0)
 
@@ -35,7 +34,7 @@ class RelativePose:
     """What a comparison of two panoramas tells.
 
     pose: where the second was taken, in the frame of the first; None: nothing tells. trust: the
-    chance that they were joined rightly.
+    chance that it is right.
     """
 
     pose: Pose | None
@@ -43,7 +42,7 @@ class RelativePose:
 
 
 class RelativePoses:
-    """Joins of panoramas, and what they say of each other."""
+    """The relative poses of pairs of panoramas, and what they say of each other."""
 
     def __init__(self, poses: Mapping[Pair, RelativePose]) -> None:
         self._poses: dict[Pair, RelativePose] = {}  # either way round
@@ -61,21 +60,19 @@ class RelativePoses:
         return None if known is None else known.pose
 
     def reached(self, known: Mapping[str, Pose]) -> dict[str, Pose]:
-        """Where panoramas were taken that hang together, by sure joins, with some whose place is
-        known.
-        """
+        """Where panoramas were taken that sure relative poses lead to from some known ones."""
         found = dict(known)
         waiting = list(found)
         for here in waiting:  # grows
             for there in self._sure.get(here, []):
-                pose = self._poses[here, there].pose
+                pose = self.between(here, there)
                 if there not in found and pose is not None and self.trust((here, there)) >= SURE:
                     found[there] = placed(found[here], pose)
                     waiting.append(there)
         return found
 
     def trust(self, pair: Pair) -> float:
-        """The chance that two were joined rightly, by what others say too."""
+        """The chance that a relative pose is right, by what others say too."""
         known = self._poses[pair]
         if not 0 < known.trust < 1:
             return known.trust
@@ -85,22 +82,22 @@ class RelativePoses:
         return float(odds / (1 + odds))
 
     def unasked(self, pair: Pair) -> list[Pair]:
-        """What might yet be compared to know more of two that were joined, the nearest first."""
+        """What might yet be compared to know more of a pair, the nearest first."""
         nearest = self._witnesses(pair)[:_HEARD]
         return [(third, other) for third, other, _ in nearest if (third, other) not in self._poses]
 
     def _witnesses(self, pair: Pair) -> list[tuple[str, str, Pose]]:
-        """Others that know one of the two; the other; where it is for them if the two are right.
+        """Others that know one of the two; the other; where it is for them if the pair is right.
 
         The nearest to the other first, each once.
         """
         found: list[tuple[float, str, str, Pose]] = []
         for here, there in (pair, pair[::-1]):
-            pose = self._poses[here, there].pose
+            pose = self.between(here, there)
             if pose is None:
                 continue
             for third in self._sure.get(here, []):
-                back = self._poses[third, here].pose
+                back = self.between(third, here)
                 if third == there or back is None or np.hypot(*back.xy_m) < _APART_M:
                     continue
                 told = placed(back, pose)
@@ -113,7 +110,7 @@ class RelativePoses:
         return list(nearest.values())
 
     def _speaks(self, here: str, there: str, told: Pose) -> float | None:
-        """The odds by a join that should tell so much; None: the two were not compared."""
+        """The odds by a pair whose relative pose should be as told; None: it was not compared."""
         known = self._poses.get((here, there))
         if known is None:
             return None
@@ -135,10 +132,10 @@ def baseline_m(found: Comparison, rig: CameraRig) -> float | None:
     return float(found.geometry.baseline_heights * rig.camera_height_m)
 
 
-def pose_from(here: Pose, found: Comparison, rig: CameraRig) -> Pose | None:
-    """Where the other panorama was taken, if the one was at ``here``; None: nothing tells."""
+def pose_from(found: Comparison, rig: CameraRig) -> Pose | None:
+    """Where the second panorama was taken, in the frame of the first; None: nothing tells."""
     geometry, way_m = found.geometry, baseline_m(found, rig)
     if geometry is None or way_m is None:
         return None
     x_m, y_m = way_m * np.cos(geometry.direction_rad), way_m * np.sin(geometry.direction_rad)
-    return placed(here, Pose(float(x_m), float(y_m), geometry.heading_rad))
+    return Pose(float(x_m), float(y_m), float(wrap_angle_rad(geometry.heading_rad)))

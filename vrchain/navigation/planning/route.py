@@ -5,7 +5,7 @@ in front of the robot and those that the others have published.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence, Set
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import prod
 
@@ -15,13 +15,13 @@ from vrchain.errors import VRChainError
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.navigation.goal.recognition import GoalSight, KnownGoal
+from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.comparisons import Compared
 from vrchain.navigation.planning.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planning.planner import Chain
 from vrchain.navigation.planning.relative_poses import Pair, RelativePoses, baseline_m
-from vrchain.navigation.settings import Published, panorama_name
+from vrchain.navigation.settings import Published
 from vrchain.panorama import CameraRig
 
 _FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arrive
@@ -29,7 +29,7 @@ _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
 _LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
 _LEAST = 0.005  # chance to get on by a landmark, below which it is none: there are thousands
-_CHECKS = 8  # times a route is drawn up anew after its joins were checked
+_CHECKS = 8  # times a route is drawn up anew after its relative poses were checked
 _UNLIKELY = 0.5  # trust in a route, below which more is compared
 _BY_ODOMETRY = 0.98  # chance to get from where a robot took a panorama to where it took the next
 
@@ -40,14 +40,14 @@ LandmarkKey = tuple[bytes, bytes, int]
 class Leg:
     """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
 
-    node: the landmark's name in ``LandmarkGraph.name``. chance: that it leads on. trust: that
-    the two panoramas were joined rightly.
+    key: names the landmark among those that failed. node: its name in ``LandmarkGraph.name``.
+    chance: that it leads on. trust: that the relative pose of the two panoramas is right.
     """
 
     seen_by: str
     next_by: str
     landmark: CommonLandmark
-    key: LandmarkKey  # names the landmark among those that failed
+    key: LandmarkKey
     node: str
     chance: float = 1.0
     trust: float = 1.0
@@ -63,7 +63,8 @@ class Route:
     """A chain of legs; from the last landmark on, what ``seen_by`` saw of the goal leads home.
 
     score: the chance that all its landmarks are right, and got by, one after the other. trust: the
-    chance that it leads to the goal at all: that its panoramas were joined rightly, and show it.
+    chance that it leads to the goal at all: that its relative poses are right, and that
+    ``seen_by`` shows the goal.
     """
 
     legs: tuple[Leg, ...]
@@ -85,21 +86,19 @@ class Route:
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """The best route, or None; the sights of the goal, by the panoramas that show it; the graph.
+    """The best route, or None; the graph; the sights of the goal, by the panoramas that show it.
 
-    spares: the next best routes, best first; no landmark in two routes. unreadable: robots whose
-    panorama is gone or is none. published: the panoramas that can be read, by name. looks: what
-    each panorama shows, the robot's own ones too; joins: where they were taken.
+    unreadable: robots whose panorama is gone or is none. published: the panoramas that can be read,
+    by name. looks: what each panorama shows, the robot's own ones too; poses: their relative poses.
     """
 
     route: Route | None
-    spares: tuple[Route, ...]
     graph: LandmarkGraph
-    goal_seen_by: dict[str, GoalSight]
+    goal_seen_by: Mapping[str, GoalSight]
     unreadable: tuple[str, ...]
-    published: Mapping[str, Published] = field(default_factory=dict)
-    looks: Mapping[str, Look] = field(default_factory=dict)
-    poses: RelativePoses = field(default_factory=lambda: RelativePoses({}))
+    published: Mapping[str, Published]
+    looks: Mapping[str, Look]
+    poses: RelativePoses
 
     @property
     def digests(self) -> frozenset[bytes]:
@@ -125,94 +124,88 @@ class Plan:
 
 def plan(
     robot: str,
-    current: Look,
+    own: Sequence[tuple[Pose, Look]],
     published: Mapping[str, Published],
     index: LandmarkIndex[Look],
-    goal: KnownGoal,
+    find: Callable[[Look], GoalSight | None],
     failed: Set[LandmarkKey] = frozenset(),
-    doubted: Set[bytes] = frozenset(),
+    rejected: Set[bytes] = frozenset(),
     trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0,
     lasting: Callable[[Published], float] = lambda seen: 1.0,
     alike: Callable[[Look, Look], float] = lambda a, b: 0.0,
-    before: Sequence[Look] = (),
-    stood: Sequence[Pose] = (),
-    spares: int = 2,
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
-    published: panoramas of others, by name. failed: landmarks not to use again. doubted: digests of
-    panoramas whose sight of the goal is not to be trusted. trust: the chance that two panoramas
-    were joined rightly; it counts for more where others agree, for less where they do not. lasting:
-    the chance that a view has not changed since. alike: how much two look alike, where there are
-    too many to compare them all. before: what the robot saw earlier, latest first, from where its
-    odometry leads back; a route may begin there. stood: where it stood for each look, the current
-    one first. spares: how many more routes.
+    own: what the robot saw, and where it stood by odometry, the latest first; a route may begin at
+    any of these. published: panoramas of others, by name. find: the goal in a look. failed:
+    landmarks not to use again. rejected: digests of panoramas whose sight of the goal is not to be
+    trusted. trust: the chance that the relative pose of two panoramas is right; it counts for more
+    where others agree, for less where they do not. lasting: the chance that a view has not changed
+    since. alike: how much two look alike, where there are too many to compare them all.
     """
+    rig = own[0][1].rig
     unreadable = tuple(
-        n for n in sorted(published) if not _readable(index, published[n].digest, current.rig)
+        n for n in sorted(published) if not _readable(index, published[n].digest, rig)
     )
     known = {name: p for name, p in published.items() if name not in unreadable}
-    own = {panorama_name(robot, k): look for k, look in enumerate((current, *before))}
-    panoramas = Compared(own, known, index, trust, stood)
-    seen = _sights(known, panoramas.looks, goal, doubted)
+    panoramas = Compared(robot, own, known, index, trust)
+    seen = _sights(known, panoramas.looks, find, rejected)
     panoramas.compare_likely(alike, set(seen))
-    digests = {**dict.fromkeys(own, b""), **{name: p.digest for name, p in known.items()}}
 
     def key(claim: Claim) -> LandmarkKey:
         # seen from b, whose panorama stands still while the driving robot's changes
         bearing = claim.landmark.b.bearing_rad or 0.0
-        return digests[claim.a], digests[claim.b], round(float(np.degrees(bearing)) / 5) % 72
+        a, b = (known[name].digest if name in known else b"" for name in (claim.a, claim.b))
+        return a, b, round(float(np.degrees(bearing)) / 5) % 72
 
-    def routes() -> tuple[LandmarkGraph, tuple[Route, ...]]:
+    def draw_up() -> tuple[LandmarkGraph, Route | None]:
         poses = panoramas.poses()
         rights = {
             pair: poses.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
             for pair in panoramas.found
         }
-        ways = [tuple(own), *([name for name, _ in trail] for trail in panoramas.trails)]
-        claims = [_by_odometry(a, b) for way in ways for a, b in pairwise(way)]
-        claims += _claims(panoramas.found, rights, current.rig)
+        driven = [panoramas.own, *([name for name, _ in track] for track in panoramas.tracks)]
+        claims = [_by_odometry(a, b) for names in driven for a, b in pairwise(names)]
+        claims += _claims(panoramas.found, rights, rig)
         claims = [claim for claim in claims if key(claim) not in failed]
         chances = {name: sighting.chance for name, sighting in seen.items()}
         graph = landmark_graph(panoramas.names, claims, chances)
-        chains = graph.planner.routes(
+        chain = graph.planner.best(
             0, {panoramas.names.index(name): chance for name, chance in chances.items()},
-            1 + spares,
             without_legs=[k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed],
         )  # fmt: skip
-        return graph, tuple(_route(graph, chain, seen, key, set(own)) for chain in chains)
+        return graph, _route(graph, chain, seen, key, panoramas) if chain else None
 
-    graph, found = routes()
+    graph, route = draw_up()
     for _ in range(_CHECKS):
-        legs = found[0].legs if found else ()
+        legs = route.legs if route else ()
         asked = panoramas.check((leg.seen_by, leg.next_by) for leg in legs)
-        if not asked and (not found or _weighed(found[0], panoramas).trust < _UNLIKELY):
+        if not asked and (route is None or route.trust < _UNLIKELY):
             asked = panoramas.bridge(set(seen))
         if not asked:
             break
-        graph, found = routes()
-    best, spare = (_weighed(found[0], panoramas), found[1:]) if found else (None, ())
-    return Plan(best, spare, graph, seen, unreadable, known, panoramas.looks, panoramas.poses())
+        graph, route = draw_up()
+    return Plan(route, graph, seen, unreadable, known, panoramas.looks, panoramas.poses())
 
 
-def _weighed(route: Route, panoramas: Compared) -> Route:
-    """A route with the trust in it."""
-    poses = panoramas.poses()
-    legs = [replace(leg, trust=poses.trust((leg.seen_by, leg.next_by))) for leg in route.legs]
-    right = prod(leg.trust for leg in legs)
-    return replace(route, legs=tuple(legs), trust=route.sighting.chance * right)
+def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:
+    """Whether the panorama is there and is one like the robot's own: it may be anything."""
+    try:
+        return index.look(digest).rig == rig
+    except VRChainError:
+        return False
 
 
 def _sights(
     known: Mapping[str, Published],
     looks: Mapping[str, Look],
-    goal: KnownGoal,
-    doubted: Set[bytes],
+    find: Callable[[Look], GoalSight | None],
+    rejected: Set[bytes],
 ) -> dict[str, GoalSight]:
     """Which panoramas show the goal."""
     seen: dict[str, GoalSight] = {}
     for name, p in known.items():
-        sighting = None if p.digest in doubted else goal.find(looks[name])
+        sighting = None if p.digest in rejected else find(looks[name])
         if sighting and sighting.chance >= _LEAST_SIGHT:
             seen[name] = sighting
     surest = max((s.chance for s in seen.values()), default=0.0)
@@ -235,16 +228,7 @@ def _by_odometry(a: str, b: str) -> Claim:
     """Between two panoramas of one robot: what its odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
     none = np.empty(0, dtype=np.int64)
-    way = CommonLandmark(_BY_ODOMETRY, nowhere, nowhere, none, none)
-    return Claim(a, b, way, _BY_ODOMETRY)
-
-
-def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:
-    """Whether the panorama is there and is one like the robot's own: it may be anything."""
-    try:
-        return index.look(digest).rig == rig
-    except VRChainError:
-        return False
+    return Claim(a, b, CommonLandmark(_BY_ODOMETRY, nowhere, nowhere, none, none), _BY_ODOMETRY)
 
 
 def worth(claim: CommonLandmark, baseline_m: float) -> float:
@@ -262,32 +246,32 @@ def _route(
     chain: Chain,
     seen: Mapping[str, GoalSight],
     key: Callable[[Claim], LandmarkKey],
-    own: Set[str],
+    panoramas: Compared,
 ) -> Route:
     """A chain as a route, which begins at the last of the robot's own panoramas in it.
 
     Two that are known to see a landmark by way of others are two legs or more, by one landmark.
     """
     robots = [graph.robots[i] for i in chain.robots]
-    legs = [
-        _leg(a, b, claim, key(claim), graph.name(landmark))
+    hops = [
+        (a, b, claim, graph.name(landmark))
         for pair, landmark in zip(pairwise(robots), chain.landmarks, strict=True)
-        for a, b, claim in graph.landmarks[landmark].way(*pair)
+        for a, b, claim in graph.landmarks[landmark].path(*pair)
     ]
-    begins = max(k for k, leg in enumerate(legs) if leg.seen_by in own)
-    return Route(tuple(legs[begins:]), robots[-1], seen[robots[-1]], chain.score)
+    begins = max(k for k, (a, *_) in enumerate(hops) if a in panoramas.own)
+    poses, last = panoramas.poses(), robots[-1]
+    legs = tuple(
+        Leg(a, b, _seen_from(a, claim), key(claim), node, claim.score, poses.trust((a, b)))
+        for a, b, claim, node in hops[begins:]
+    )
+    right = prod(leg.trust for leg in legs)
+    return Route(legs, last, seen[last], chain.score, seen[last].chance * right)
 
 
-def _leg(a: str, b: str, claim: Claim, key: LandmarkKey, node: str) -> Leg:
-    landmark = claim.landmark
-    if (claim.a, claim.b) != (a, b):  # walked against the order of comparison
-        ranges = landmark.ranges[::-1] if landmark.ranges else None
-        landmark = CommonLandmark(
-            landmark.score,
-            landmark.b,
-            landmark.a,
-            landmark.support_b,
-            landmark.support_a,
-            ranges,
-        )
-    return Leg(a, b, landmark, key, node, claim.score)
+def _seen_from(a: str, claim: Claim) -> CommonLandmark:
+    """A claim's landmark, turned round where ``a`` is its second panorama."""
+    own = claim.landmark
+    if claim.a == a:
+        return own
+    ranges = own.ranges[::-1] if own.ranges else None
+    return CommonLandmark(own.score, own.b, own.a, own.support_b, own.support_a, ranges)
