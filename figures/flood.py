@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.ledger.flood import FloodConfig, flood, outcomes, summarise
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.flood import flood_figure
+from vrchain.plots.ledger import flood_figure
 from vrchain.plots.scripts import run_script
 
 

@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results, rig_text
-from vrchain.plots.quality import landmark_quality_figure
+from vrchain.plots.landmarks import landmark_quality_figure
 from vrchain.plots.scripts import run_script
 
 

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.ledger.size import ledger_sizes
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.ledger_size import ledger_size_figure
+from vrchain.plots.ledger import ledger_size_figure
 from vrchain.plots.scripts import run_script
 
 ROBOTS = (2, 10, 100)

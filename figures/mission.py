@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.mission import mission_figure, paths_table
+from vrchain.plots.missions import mission_figure, paths_table
 from vrchain.plots.scripts import run_script
 
 

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.landmarks.bands import precision_recall
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.quality import precision_recall_figure
+from vrchain.plots.landmarks import precision_recall_figure
 from vrchain.plots.scripts import run_script
 
 

@@ -4,8 +4,8 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results, barn
-from vrchain.plots.chain import chain_of, team_graph
 from vrchain.plots.scripts import run_script
+from vrchain.plots.teams import chain_of, team_graph
 from vrchain.simulation.sightings import sightings_table, team_sightings
 
 

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.ledger.latency import STAGES
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.latency import update_stages_figure
+from vrchain.plots.reproduction import update_stages_figure
 from vrchain.plots.scripts import run_script
 
 

@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.latency import update_time_figure
+from vrchain.plots.reproduction import update_time_figure
 from vrchain.plots.scripts import run_script
 
 

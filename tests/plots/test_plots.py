@@ -18,17 +18,10 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.ledger import Entry, Ledger, simulated_key
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.plots.latency import (
-    TABLE_NOTE,
-    retrieval_time_figure,
-    table_figure,
-    update_stages_figure,
-    update_time_figure,
-)
-from vrchain.plots.ledger import ledger_figure, ledger_table
-from vrchain.plots.ledger_size import ledger_size_figure
+from vrchain.plots.landmarks import landmark_quality_figure, precision_recall_figure
+from vrchain.plots.ledger import ledger_figure, ledger_size_figure, ledger_table
 from vrchain.plots.maps import scene_map
-from vrchain.plots.mission import _mark
+from vrchain.plots.missions import _mark
 from vrchain.plots.pictures import (
     claims_table,
     common_landmarks_figure,
@@ -37,7 +30,13 @@ from vrchain.plots.pictures import (
     view_sheet,
     views_row,
 )
-from vrchain.plots.quality import landmark_quality_figure, precision_recall_figure
+from vrchain.plots.reproduction import (
+    TABLE_NOTE,
+    retrieval_time_figure,
+    table_figure,
+    update_stages_figure,
+    update_time_figure,
+)
 from vrchain.plots.save import png_bytes, save_figure
 
 SIZES = (40, 200, 500)

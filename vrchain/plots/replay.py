@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from vrchain.navigation.settings import Decision
 from vrchain.plots.maps import ROBOT_COLOURS, draw_name
-from vrchain.plots.mission import Row, chain_rows, draw_row, draw_stage
+from vrchain.plots.missions import Row, chain_rows, draw_row, draw_stage
 from vrchain.simulation.mission import MissionRun
 
 _DPI, _HEIGHT_IN, _MAP_IN, _BESIDE_IN = 80, 6.0, 5.8, 7.2

@@ -8,7 +8,7 @@ from PIL import Image
 from test_plot_replay import driven, panorama
 from test_plots import strays, words
 
-from vrchain.plots.mission import mission_figure, save_pictures
+from vrchain.plots.missions import mission_figure, save_pictures
 
 
 def test_all_that_decisions_rested_on_is_saved(tmp_path: Path) -> None:

@@ -16,7 +16,7 @@ from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.landmarks.retrieval.recognition import Sighting
 from vrchain.navigation.planning.graph import Claim, landmark_graph
 from vrchain.navigation.planning.route import Leg, Route
-from vrchain.plots.chain import chain_map, chain_of, claimed, team_graph
+from vrchain.plots.teams import chain_map, chain_of, claimed, team_graph
 from vrchain.simulation.sightings import Sightings
 from vrchain.world.model import Scene
 
