@@ -4,10 +4,11 @@ import numpy as np
 import sights
 from matplotlib.patches import Rectangle
 
+from vrchain.experiments.landmarks.mistakes import Mistake
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.proposer import KINDS, Proposals, nothing
 from vrchain.landmarks.matching.common import CommonLandmark, Region
-from vrchain.plots.landmarks import Mistake, mistakes_figure, proposals_figure, proposals_table
+from vrchain.plots.landmarks import mistakes_figure, proposals_figure, proposals_table
 
 PANORAMA = sights.look(Pose(0, 0))
 NONE = np.empty(0, dtype=np.int64)
@@ -58,4 +59,4 @@ def test_a_mistake_shows_both_regions_and_what_they_truly_are() -> None:
 
 
 def test_where_nothing_was_wrong_it_says_so() -> None:
-    assert "no wrong claim" in mistakes_figure([]).texts[0].get_text()
+    assert "no wrong claim" in mistakes_figure([], "a note").texts[0].get_text()
