@@ -11,7 +11,7 @@ import hashlib
 import json
 import os
 import sqlite3
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -157,7 +157,7 @@ class MemoryLedger:
         os.sync()
 
 
-class Layout(ABC):
+class Layout(Closing):
     """Another way to lay out a ledger: a list of blocks, and the file ``path`` of them all."""
 
     def __init__(self, path: Path) -> None:
