@@ -1,19 +1,16 @@
 """Where two robots were surest that they see the same, and were wrong."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.landmarks.mistakes import judged_claims
 from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.plots.landmarks import mistakes_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
 
 SHOWN = 5
 SPACING_M = (5.0, 40.0)
 LEAST_PAIRS = 6  # fewer may have nothing in common
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """The surest wrong claims of some random pairs of places."""
     n_pairs = max(LEAST_PAIRS, results.profile.pairs_a_band)
     table, wrong = judged_claims(suburb(), n_pairs, SPACING_M, results.profile.seed + 1)

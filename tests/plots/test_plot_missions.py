@@ -1,14 +1,118 @@
-"""A mission in pictures: the map, and what each decision rested on."""
+"""A mission in pictures, and replayed: what each decision rested on, when, and for how long."""
 
+import io
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
+import pytest
+from drawn import strays, words
 from PIL import Image
-from test_plot_replay import driven, panorama
-from test_plots import strays, words
+from sights import RIG
+from worlds import blotches, box, world
 
+from vrchain.geometry import Pose
+from vrchain.landmarks.matching.common import CommonLandmark, Region
+from vrchain.navigation.goal.recognition import GoalSight
+from vrchain.navigation.mission import MissionResult
+from vrchain.navigation.planning.route import Leg, Route
+from vrchain.navigation.settings import Decision
+from vrchain.panorama import Panorama
 from vrchain.plots.missions import mission_figure, save_pictures
+from vrchain.plots.replay import Frame, gif_html, mission_gif, replay
+from vrchain.simulation.mission import MissionRun
+from vrchain.simulation.task import Task
+
+DECIDED_S = (10.0, 10.0, 16.25, 30.0)
+
+
+def panorama(grey: int) -> Panorama:
+    shape = RIG.n_views, RIG.height_px, RIG.width_px, 3
+    return Panorama(RIG, np.full(shape, grey, np.uint8))
+
+
+def driven() -> MissionRun:
+    """R1 stands for 10 s, drives 20 m east, and says that it has arrived; R2 stands."""
+    scene = world(box("barn", (12.0, 0.0), (2.0, 2.0, 3.0), blotches("barn")))
+    times_s = np.arange(0.0, 30.25, 0.25)
+    east_m = np.clip(times_s - 10.0, 0.0, 20.0) - 10.0
+    paths = {"R1": np.stack([east_m, 0 * east_m], axis=1), "R2": np.full((len(times_s), 2), 5.0)}
+    places = {"R1": Pose(-10.0, 0.0), "R2": Pose(5.0, 5.0)}
+    region = Region(0, (0.0, 0.0, 9.0, 9.0), 0.5, 0.2)
+    oak = CommonLandmark(0.9, region, region, np.arange(0), np.arange(0))
+    leg = Leg("R1", "R2", oak, ("R1", "R2", 0), "N1")
+    route = Route((leg,), "R2", GoalSight(0.3, 8.0, 8.0, 0.1, 20, 3.0, 0.9), 0.5)
+    whats = ("route", "leg", "reached", "arrived")
+    looks = (0, 0, 1, None)
+    decisions = tuple(
+        Decision(time_s, what, f"why {what}", look)
+        for time_s, what, look in zip(DECIDED_S, whats, looks, strict=True)
+    )
+    result = MissionResult(
+        True, "there", decisions, (panorama(60), panorama(200)), ((0, route),)
+    )  # fmt: skip
+    return MissionRun(
+        scene, Task(places, places, "barn", ()), "R1", result, (), {"R2": panorama(120)}, paths,
+        times_s, Pose(10.0, 0.0), True, 1.0, 0, 20.0, "",
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    return list(replay(driven()))
+
+
+def test_decisions_are_shown_long_enough_to_be_read(frames: list[Frame]) -> None:
+    shown_ms = [frame.shown_ms for frame in frames]
+    assert len(frames) == 42  # twice a second, and once between
+    assert [k for k, ms in enumerate(shown_ms) if ms >= 1000] == [0, 13, 41]
+    assert max(shown_ms) == shown_ms[-1] and sum(shown_ms) < 12_000
+
+
+def test_what_stands_still_is_not_drawn_anew(frames: list[Frame]) -> None:
+    """Beside the map only decisions change anything; on it, the robot that drives."""
+    width = frames[0].rgb.shape[1]
+    differs = [(b.rgb != a.rgb).any(axis=(0, 2)) for a, b in pairwise(frames)]
+    beside = [d[width // 2 :].any() for d in differs]
+    assert [k for k, changed in enumerate(beside, 1) if changed] == [13, 41]
+    moves = [d[: 4 * width // 10] for d in differs[:-1]]
+    assert all(d.any() and d.mean() < 0.2 for d in moves)
+    ahead = [int(np.flatnonzero(d).max()) for d in moves]
+    assert ahead == sorted(ahead)  # east is to the right
+
+
+def test_the_look_by_which_it_decided_is_shown(frames: list[Frame]) -> None:
+    def greys(frame: Frame) -> set[int]:
+        return {grey for grey in (60, 120, 200) if (frame.rgb == grey).all(axis=2).sum() > 5000}
+
+    assert [greys(frames[k]) for k in (0, 12, 13, 41)] == [{60, 120}, {60, 120}] + [{120, 200}] * 2
+
+
+def test_the_animation_is_the_same_each_time_and_as_long_as_its_frames() -> None:
+    gif = mission_gif(driven())
+    assert gif == mission_gif(driven())
+    image, shown_ms = Image.open(io.BytesIO(gif)), 0
+    for k in range(image.n_frames):
+        image.seek(k)
+        shown_ms += image.info["duration"]
+    assert shown_ms == sum(frame.shown_ms for frame in replay(driven()))
+    assert image.info["loop"] == 0
+
+
+def test_a_mission_that_ended_at_once_is_shown_too() -> None:
+    run = driven()
+    decided = (Decision(10.0, "gave up", "it cannot see"),)
+    result = replace(run.result, decisions=decided, looks=(), plans=(), arrived=False)
+    (frame,) = replay(replace(run, result=result, seconds=0.0, times_s=np.array([10.0]),
+        paths_xy_m={name: path[:1] for name, path in run.paths_xy_m.items()}))  # fmt: skip
+    assert frame.rgb.std() > 10
+
+
+def test_the_animation_is_a_picture_of_a_page() -> None:
+    page = gif_html(b"GIF89a...", 'R1 & "the barn"')
+    assert page.startswith('<img src="data:image/gif;base64,R0lGODlh')
+    assert 'alt="R1 &amp; &quot;the barn&quot;"' in page
 
 
 def test_all_that_decisions_rested_on_is_saved(tmp_path: Path) -> None:

@@ -62,10 +62,9 @@ def landmark_quality_figure(bands: pd.DataFrame, note: str = "") -> Figure:
         axes.grid(axis="y", alpha=0.3)
         axes.set_axisbelow(True)
     counts.margins(y=0.1)
-    counts.set_ylabel("claims of a landmark, a pair of places")
+    counts.set(ylabel="claims of a landmark, a pair of places")
     counts.set_title("How many do they claim? (number: right claims)", fontsize=11)
-    shares.set_ylim(0, 1.1)
-    shares.set_ylabel("right claims, of all claims")
+    shares.set(ylim=(0, 1.1), ylabel="right claims, of all claims")
     shares.set_title("What share of the claims is right?", fontsize=11)
     if bands.quality_m_median.notna().any():  # a logarithmic axis cannot be empty
         quality.set_yscale("log")
@@ -100,8 +99,7 @@ def precision_recall_figure(curves: pd.DataFrame, note: str = "") -> Figure:
         axes.set_title(f"{band_m} m apart", fontsize=11)
         axes.set_xlabel("recall: share of the landmarks\nthat both see which is found")
         axes.grid(alpha=0.3)
-    first.set_xlim(0, 1.08 * max(curves.recall.max(), 0.05))
-    first.set_ylim(0, 1.04)
+    first.set(xlim=(0, 1.08 * max(curves.recall.max(), 0.05)), ylim=(0, 1.04))
     first.set_ylabel("precision: share of the claims\nmade that is right")
     handles = [
         Line2D([], [], color=colour, marker=marker, mec="#222222", ms=8, label=label)

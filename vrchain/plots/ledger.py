@@ -66,8 +66,8 @@ def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blo
                     "arrowstyle": "-|>", "mutation_scale": 13, "color": "#333333", "lw": 1.3,
                 },
             )  # fmt: skip
-    axes.set_xlim(-0.1, len(entries) * (_WIDTH + _GAP) - _GAP + 0.1)
-    axes.set_ylim(-0.55, top + 0.1)
+    end = len(entries) * (_WIDTH + _GAP) - _GAP
+    axes.set(xlim=(-0.1, end + 0.1), ylim=(-0.55, top + 0.1))
     axes.set_axis_off()
     axes.text(
         0, -0.1,
@@ -154,11 +154,9 @@ def ledger_size_figure(sizes: pd.DataFrame, note: str = "") -> Figure:
     )
     team, most = sizes[sizes.robots == TEAM], sizes.positions.max()
     _size_curves(over_positions, team, "positions")
-    over_positions.set_xlabel("positions in the ledger")
-    over_positions.set_title(f"{TEAM} robots")
+    over_positions.set(xlabel="positions in the ledger", title=f"{TEAM} robots")
     _size_curves(over_robots, sizes[sizes.positions == most], "robots")
-    over_robots.set_xlabel("robots")
-    over_robots.set_title(f"{most} positions")
+    over_robots.set(xlabel="robots", title=f"{most} positions")
     _record_bars(beside, team[(team.positions == most) & (team.layout != "inline")])
     beside.set_title(f"Records, beside the panoramas: {TEAM} robots")
     legend_below(figure, over_positions.lines, 3, note)
@@ -185,8 +183,7 @@ def _size_curves(axes: Axes, sizes: pd.DataFrame, over: str) -> None:
         computed[over], computed.size_bytes, "o", ms=7, mec=_STYLES["inline"][0], mfc="white",
         label="hollow: computed, being over 2 GB",
     )  # fmt: skip
-    axes.set_xscale("log")
-    axes.set_yscale("log")
+    axes.set(xscale="log", yscale="log", ylabel="size in files (logarithmic)")
     ticks = sorted(sizes[over].unique())
     axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.xaxis.set_minor_locator(NullLocator())
@@ -194,7 +191,6 @@ def _size_curves(axes: Axes, sizes: pd.DataFrame, over: str) -> None:
     axes.yaxis.set_major_formatter(lambda size, _: in_units(size, BYTES))
     axes.yaxis.set_minor_formatter(NullFormatter())
     axes.grid(axis="y", color="#dddddd", lw=0.6)
-    axes.set_ylabel("size in files (logarithmic)")
 
 
 def _record_bars(axes: Axes, sizes: pd.DataFrame) -> None:
@@ -236,8 +232,8 @@ def _noticed(axes: Axes, table: pd.DataFrame, n_robots: int) -> None:
     axes.axvline(limit_ms, color="#333333", lw=1.1, ls="--")
     axes.text(limit_ms, -0.5, f" {BAR:g} x quiet", fontsize=8.5, va="center")
     axes.set_yticks(places, list(table["name"]))
-    axes.set_ylim(len(table) - 0.45, -0.6)
-    axes.set_xlim(0, 1.45 * max(float(p99_ms.max()), limit_ms))
+    end_ms = 1.45 * max(float(p99_ms.max()), limit_ms)
+    axes.set(xlim=(0, end_ms), ylim=(len(table) - 0.45, -0.6))
     axes.set_xlabel("until a transaction is durable (ms): median ●, 99th percentile ◆")
     refused = f"{int(table.refused.sum())} of their {table.positions.sum()} refused"
     axes.set_title(f"What the {n_robots} honest robots notice: {refused}")
@@ -255,7 +251,6 @@ def _became(axes: Axes, floods: pd.DataFrame) -> None:
         axes.barh(places, shares[fate], left=left, height=0.6, color=colour, label=name)
     for place, number in enumerate(floods.sent):
         axes.text(1.02, place, f"{number:,.0f}" if number else "none", va="center", fontsize=9)
-    axes.set_xlim(0, 1.16)
     axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
     axes.set_xlabel("share of the messages that the flooder got rid of; how many")
-    axes.set_title("What becomes of the flood")
+    axes.set(xlim=(0, 1.16), title="What becomes of the flood")

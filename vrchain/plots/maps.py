@@ -37,8 +37,7 @@ def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
     draw_scene(axes, scene)
     for index, (name, pose) in enumerate((poses or {}).items()):
         draw_robot(axes, name, pose, robot_colour(index))
-    axes.set_xlim(-width_m / 2, width_m / 2)
-    axes.set_ylim(-height_m / 2, height_m / 2)
+    axes.set(xlim=(-width_m / 2, width_m / 2), ylim=(-height_m / 2, height_m / 2))
     _legend(axes, scene)
     axes.set_title(f"{scene.name}: {width_m:g} x {height_m:g} m, {len(scene.objects)} objects")
     return figure
@@ -68,9 +67,7 @@ def draw_ground(axes: Axes, scene: Scene) -> None:
                 edgecolors="face", linewidths=0.4,  # or the seams between triangles show
             )
         )  # fmt: skip
-    axes.set_aspect("equal")
-    axes.set_xlabel("x, east (m)")
-    axes.set_ylabel("y, north (m)")
+    axes.set(aspect="equal", xlabel="x, east (m)", ylabel="y, north (m)")
 
 
 def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2.5) -> None:
@@ -93,9 +90,8 @@ def draw_name(axes: Axes, name: str, xy_m: NDArray[np.float64], colour: str) -> 
 def zoom_to(axes: Axes, points_xy_m: NDArray[np.float64], margin_m: float = 8.0) -> None:
     """A square window around some points."""
     low, high = points_xy_m.min(axis=0), points_xy_m.max(axis=0)
-    centre, half = (low + high) / 2, (high - low).max() / 2 + margin_m
-    axes.set_xlim(centre[0] - half, centre[0] + half)
-    axes.set_ylim(centre[1] - half, centre[1] + half)
+    (x, y), half = (low + high) / 2, (high - low).max() / 2 + margin_m
+    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
 
 
 def _plan(obj: SceneObject) -> shapely.Geometry:

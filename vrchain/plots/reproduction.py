@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.table import Table
 from matplotlib.transforms import Bbox
 
-from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
+from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES, stage_quartiles
 from vrchain.experiments.reproduction.paper import BOUNDS, OURS, READINGS, RETRIEVAL, TABLE
 from vrchain.plots.style import (
     BLUE,
@@ -53,12 +53,10 @@ def update_time_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> F
                 rows.ledger_position, times_ms, _MARKERS[k], ls="-", lw=0.8, ms=3.5,
                 color=robot_colour(k), label=f"{robot}: mean {times_ms.mean():.2f} ms",
             )  # fmt: skip
-        axes.set_title(f"{n} positions")
-        axes.set_xlabel("position in the ledger (R1's and R2's in turn)")
+        axes.set(title=f"{n} positions", xlabel="position in the ledger (R1's and R2's in turn)")
         axes.legend(loc="upper right")
-    figure.axes[0].set_ylabel("update time (ms)")
     end_ms = 1.9 * max(float(table.total_us.quantile(0.99)) / 1e3 for table in updates.values())
-    figure.axes[0].set_ylim(0, end_ms)
+    figure.axes[0].set(ylim=(0, end_ms), ylabel="update time (ms)")
     hidden = sum(int((table.total_us / 1e3 > end_ms).sum()) for table in updates.values())
     figure.suptitle(
         "One update of the ledger: from the panorama's bytes to the other robot's receipt"
@@ -71,10 +69,9 @@ def update_time_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> F
 def update_stages_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> Figure:
     """What an update's time goes into: median of each stage, its quartiles as a line."""
     figure, axes = panels(8.6, 4.4)
-    height = 0.8 / len(updates)
-    for index, (n, table) in enumerate(updates.items()):
-        stages = table[[f"{stage}_us" for stage in STAGES]]
-        low, middle, high = stages.quantile([0.25, 0.5, 0.75]).to_numpy()
+    height, columns = 0.8 / len(updates), [f"{stage}_us" for stage in STAGES]
+    for index, (n, rows) in enumerate(stage_quartiles(updates).groupby("positions", sort=False)):
+        low, middle, high = rows[columns].to_numpy()
         at = np.arange(len(STAGES)) + (index - (len(updates) - 1) / 2) * height
         axes.barh(
             at, middle, height * 0.9, color=_COLOURS[index % 3], label=f"{n} positions",
@@ -83,13 +80,12 @@ def update_stages_figure(updates: Mapping[int, pd.DataFrame], note: str = "") ->
         for y, us, right in zip(at, middle, high, strict=True):
             text = f"{us:,.0f}" if us >= 100 else f"{us:.3g}"
             axes.text(right * 1.08, y, text, va="center", fontsize=7.5)
-    axes.set_xscale("log")
+    axes.set(xscale="log", title="Where the time of an update goes")
     axes.set_xlim(0.5, axes.get_xlim()[1] * 2)
     axes.set_yticks(range(len(STAGES)), [_STAGES[stage] for stage in STAGES])
     axes.invert_yaxis()
     axes.set_xlabel("time in one update (µs, logarithmic): median and quartiles")
     axes.legend(loc="upper right")
-    axes.set_title("Where the time of an update goes")
     note_below(figure, note)
     return figure
 
@@ -105,8 +101,7 @@ def retrieval_time_figure(retrievals: Mapping[int, pd.DataFrame], note: str = ""
         width_ratios=[*[1.0] * n_ledgers, 1.15],
     )  # fmt: skip
     for axes, n in zip(each, retrievals, strict=True):
-        axes.set_title(f"{n} positions, each retrieval")
-        axes.set_xlabel("position in the ledger")
+        axes.set(title=f"{n} positions, each retrieval", xlabel="position in the ledger")
     for (way, name), colour, marker in zip(_WAYS.items(), _COLOURS, _MARKERS, strict=True):
         found = [table[table.way == way] for table in retrievals.values()]
         for axes, rows in zip(each, found, strict=True):
@@ -116,14 +111,12 @@ def retrieval_time_figure(retrievals: Mapping[int, pd.DataFrame], note: str = ""
         for x, us in enumerate(means_us):
             text = in_units(us, MICROSECONDS)
             label(means, text, (x, us), (0, 8), ha="center", fontsize=9, color=colour)
-    means.set_xlim(-0.5, n_ledgers - 0.5)
     means.set_xticks(range(n_ledgers), [str(n) for n in retrievals])
+    means.set(xlim=(-0.5, n_ledgers - 0.5), title="Mean over each ledger")
     means.set_xlabel("positions in the ledger")
-    means.set_title("Mean over each ledger")
     for axes in figure.axes:
         _paper_bands(axes, named=axes is figure.axes[0])
-    figure.axes[0].set_yscale("log")
-    figure.axes[0].set_ylim(1e-3, 1e7)
+    figure.axes[0].set(yscale="log", ylim=(1e-3, 1e7))
     figure.axes[0].set_ylabel("time of one retrieval (µs, logarithmic)")
     title = "Retrieval in three ways. Grey: what the paper prints, in both readings of its unit"
     figure.legend(loc="outside upper center", ncols=len(_WAYS), title=title, frameon=False)
@@ -176,11 +169,10 @@ def _draw_table(axes: Axes, heads: list[str], cells: list[list[str]]) -> Table:
     table.set_fontsize(9.5)
     table.auto_set_column_width(range(len(heads)))
     for (line, _), cell in table.get_celld().items():
-        cell.set_edgecolor("#bbbbbb")
+        cell.set(edgecolor="#bbbbbb")
         if line == 0:
-            cell.set_facecolor("#dfe8ef")
+            cell.set(facecolor="#dfe8ef", height=1.9 * cell.get_height())
             cell.set_text_props(fontweight="bold")
-            cell.set_height(1.9 * cell.get_height())
     return table
 
 

@@ -12,18 +12,15 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ledgers import KEYS, OPERATOR_KEY, PUBLIC
 
 from vrchain.errors import LedgerError, OutputError
 from vrchain.experiments.ledger import speed as bench
 from vrchain.experiments.ledger import stores as ledger_sites
 from vrchain.experiments.ledger.baselines import InlineChain, JsonChain, MemoryLedger, Turn
 from vrchain.experiments.stopwatch import Stopwatch, race_us
-from vrchain.ledger import OPERATOR, Ledger, simulated_key, verify
+from vrchain.ledger import Ledger, verify
 from vrchain.ledger.rules.chain import genesis_entry
-
-KEYS = {robot: simulated_key(0, robot) for robot in ("R1", "R2")}
-MEMBERS = {robot: key.public for robot, key in KEYS.items()}
-OPERATOR_KEY = simulated_key(0, OPERATOR)
 
 
 def turns(count: int) -> list[Turn]:
@@ -126,9 +123,9 @@ def test_the_text_says_whether_each_bar_is_met(measured: bench.Bench) -> None:
 
 def test_the_ledger_in_memory_is_the_ledger(tmp_path: Path) -> None:
     """The same blocks as by ``Ledger.publish``, and stored the same files."""
-    memory = MemoryLedger(genesis_entry(MEMBERS, OPERATOR_KEY, 0))
+    memory = MemoryLedger(genesis_entry(PUBLIC, OPERATOR_KEY, 0))
     watch = Stopwatch()
-    with Ledger.create(tmp_path / "slow", MEMBERS, OPERATOR_KEY) as ledger:
+    with Ledger.create(tmp_path / "slow", PUBLIC, OPERATOR_KEY) as ledger:
         for turn in turns(9):
             memory.publish([turn], watch.lap)
             ledger.publish(turn.robot, turn.key, turn.payload, "distance", turn.timestamp_ns)

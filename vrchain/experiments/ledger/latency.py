@@ -5,7 +5,7 @@ landmark extraction are no part of an update: payloads come in as bytes.
 """
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter_ns
 
@@ -68,6 +68,13 @@ def update_latency(
             rows.append((position, robot, len(payload), *stages_us, total_us))
     columns = ["position", "robot", "payload_bytes", *(f"{s}_us" for s in STAGES), "total_us"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def stage_quartiles(updates: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
+    """Of ``update_latency`` by number of positions: positions, quantile, each stage, total_us."""
+    columns = [*(f"{stage}_us" for stage in STAGES), "total_us"]
+    quartiles = {n: table[columns].quantile([0.25, 0.5, 0.75]) for n, table in updates.items()}
+    return pd.concat(quartiles, names=["positions", "quantile"]).reset_index()
 
 
 def retrieval_latency(

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from vrchain.experiments.landmarks import bands as landmark_bands
-from vrchain.experiments.landmarks import pairs as landmark_pairs
+from vrchain.experiments.landmarks import pairs as landmarks
 from vrchain.experiments.ledger import latency
 from vrchain.experiments.reproduction.results import (
     MARKER,
@@ -106,9 +106,9 @@ def run_landmarks(results: Results, folder: Path) -> str:
     truth, summaries = GroundTruth(suburb()), []
     for n in profile.positions:
         looks = _looks(_team_pairs(surveyed[:n], profile.survey_pairs), surveyed, payloads)
-        claims = landmark_pairs.claims_of(looks, truth, profile.rig)
+        claims = landmarks.claims_of(looks, truth, profile.rig)
         _write(folder, **{f"survey_{n}": claims})
-        summaries.append({"positions": n, **landmark_pairs.summarise(claims)})
+        summaries.append({"positions": n, **landmarks.summarise(claims)})
     _write(folder, survey_summary=pd.DataFrame(summaries))
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         claims, pairs = landmark_bands.over_distance(
@@ -268,7 +268,7 @@ def vision_latency(profile: Profile) -> pd.DataFrame:
     for text, rig in rigs.items():
         times: dict[str, list[float]] = {}
         samples, seed = profile.vision_samples, profile.seed
-        for poses in landmark_pairs.draw_pairs(suburb(), samples, (5.0, 10.0), seed):
+        for poses in landmarks.draw_pairs(suburb(), samples, (5.0, 10.0), seed):
             a, b = (_timed(times, "render", renderer.render, pose, rig) for pose in poses)
             blob = _timed(times, "encode", a.encode)
             _timed(times, "decode", Panorama.decode, blob)
@@ -314,13 +314,13 @@ def _team_pairs(surveyed: pd.DataFrame, most: int) -> list[tuple[int, int]]:
 
 def _looks(
     pairs: Iterable[tuple[int, int]], surveyed: pd.DataFrame, payloads: Sequence[bytes]
-) -> Iterable[tuple[landmark_pairs.Look, landmark_pairs.Look]]:
+) -> Iterable[tuple[landmarks.Look, landmarks.Look]]:
     """The looks of pairs of the survey's rows."""
 
-    def look(row: int) -> landmark_pairs.Look:
+    def look(row: int) -> landmarks.Look:
         pose = Pose(*surveyed.loc[row, ["x_m", "y_m", "yaw_rad"]].astype(float))
         others = {name: Pose(*p) for name, p in json.loads(surveyed.others[row]).items()}
-        return landmark_pairs.Look(pose, extract(Panorama.decode(payloads[row])), others)
+        return landmarks.Look(pose, extract(Panorama.decode(payloads[row])), others)
 
     for a, b in pairs:
         yield look(a), look(b)
