@@ -50,7 +50,7 @@ def update_time_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> F
         for k, (robot, rows) in enumerate(table.groupby("robot")):
             times_ms = rows.total_us / 1e3
             axes.plot(
-                rows.ledger_position, times_ms, _MARKERS[k], ls="-", lw=0.8, ms=3.5,
+                rows.ledger_position, times_ms, _MARKERS[k % 3], ls="-", lw=0.8, ms=3.5,
                 color=robot_colour(k), label=f"{robot}: mean {times_ms.mean():.2f} ms",
             )  # fmt: skip
         axes.set(title=f"{n} positions", xlabel="position in the ledger (R1's and R2's in turn)")
