@@ -369,16 +369,18 @@ def test_a_disk_without_room(full_disk: Path, image: Path, refused: Refused) -> 
 
 @pytest.mark.parametrize(
     ("number", "arguments"),
-    [(signal.SIGINT, ("panorama", BARN, "--at", 10, 0, 0)), (signal.SIGINT, ("navigate", BARN)),
-     (signal.SIGTERM, ("navigate", BARN)), (signal.SIGINT, ("reproduce",))],
-    ids=["panorama", "navigate", "navigate, terminated", "reproduce"],
+    [(signal.SIGINT, ("panorama", BARN, "--at", 10, 0, 0, "-o")),
+     (signal.SIGINT, ("navigate", BARN, "-o")), (signal.SIGTERM, ("navigate", BARN, "-o")),
+     (signal.SIGINT, ("bench", "ledger", "--positions", 100_000, "--folder")),
+     (signal.SIGINT, ("reproduce",))],
+    ids=["panorama", "navigate", "navigate, terminated", "bench ledger", "reproduce"],
 )  # fmt: skip
 def test_ctrl_c_in_the_middle_leaves_nothing(
     number: signal.Signals, arguments: tuple[object, ...], tmp_path: Path
 ) -> None:
     """Interrupted as soon as it has begun to write, which is where something could be left."""
     environment = {**ENVIRONMENT, "VRCHAIN_BUILD": str(tmp_path / "out")}
-    output = () if arguments == ("reproduce",) else ("-o", tmp_path / "out")
+    output = () if arguments == ("reproduce",) else (tmp_path / "out",)
     process = subprocess.Popen(
         [*COMMAND, *map(str, (*arguments, *output))],
         env=environment,

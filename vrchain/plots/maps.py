@@ -1,7 +1,5 @@
 """Maps: a scene from above, with robots, what they see, and the ways they drove."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
@@ -12,7 +10,7 @@ from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.plots.style import WHITE_BOX, label, panels, robot_colour
+from vrchain.plots.style import WHITE_BOX, label, panels
 from vrchain.world.model import Scene, SceneObject
 
 _KIND_COLOURS = {
@@ -30,13 +28,11 @@ _OTHER_COLOUR = "#b0005a"
 _THIN = ("hedge", "fence", "wall")  # drawn at least so wide that their colour shows
 
 
-def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
-    """The whole map, objects by kind, robots as triangles that point where they head."""
+def scene_map(scene: Scene) -> Figure:
+    """The whole map, objects by kind."""
     width_m, height_m = scene.extent_m
     figure, axes = panels(7.2, 7.2 * height_m / width_m * 0.92)
     draw_scene(axes, scene)
-    for index, (name, pose) in enumerate((poses or {}).items()):
-        draw_robot(axes, name, pose, robot_colour(index))
     axes.set(xlim=(-width_m / 2, width_m / 2), ylim=(-height_m / 2, height_m / 2))
     _legend(axes, scene)
     axes.set_title(f"{scene.name}: {width_m:g} x {height_m:g} m, {len(scene.objects)} objects")

@@ -2,11 +2,6 @@
 
 import hashlib
 import json
-import os
-import signal
-import subprocess
-import sys
-import time
 from itertools import pairwise
 from pathlib import Path
 
@@ -184,16 +179,3 @@ def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="choose another"):
         bench.bench_ledger([1], tmp_path / "file")
     assert (tmp_path / "file").read_text() == "in the way"
-
-
-def test_ctrl_c_leaves_nothing(tmp_path: Path) -> None:
-    command = [sys.executable, "-c", "from vrchain.cli import main; main()"]
-    command += ["bench", "ledger", "--positions", "100000", "--folder", str(tmp_path / "work")]
-    process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
-    deadline = time.monotonic() + 60
-    while not list(tmp_path.glob("work/*/100000")) and time.monotonic() < deadline:
-        time.sleep(0.05)
-    os.kill(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=60)
-    assert process.returncode == 130 and "interrupted" in said
-    assert list(tmp_path.iterdir()) == []

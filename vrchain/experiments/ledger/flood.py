@@ -85,15 +85,11 @@ class Measured(NamedTuple):
     floods: pd.DataFrame
 
 
-def flood(
-    config: FloodConfig,
-    conditions: Sequence[str] = CONDITIONS,
-    folder: Path | None = None,
-) -> Measured:
+def flood(config: FloodConfig, conditions: Sequence[str] = CONDITIONS) -> Measured:
     """Phases without a flood and with each kind, in an order that is drawn anew in each round.
 
-    The ledgers are made, and removed, in ``folder`` (the system's temporary one). Raises
-    LedgerError for an unknown condition or if a ledger does not verify afterwards.
+    The ledgers are made, and removed, in the system's folder of temporary files. Raises LedgerError
+    for an unknown condition or if a ledger does not verify afterwards.
     """
     if unknown := [condition for condition in conditions if condition not in CONDITIONS]:
         raise LedgerError(f"expected a flood of {'; '.join(CONDITIONS)}; got {unknown[0]!r}")
@@ -115,7 +111,7 @@ def flood(
     ]
     with _child(_run_gate) as gate, _child(_run_flooder) as flooder:
         for turn, condition in tqdm(phases, desc="phases", unit="", disable=None):
-            with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            with tempfile.TemporaryDirectory() as scratch:
                 work, counts = _phase(config, condition, turn, Path(scratch), gate, flooder)
             works.append(work.assign(condition=condition, round=turn))
             floods.append({"condition": condition, "round": turn, **counts})

@@ -33,8 +33,6 @@ def ledger_sizes(
     positions: Sequence[int],
     robots: Sequence[int],
     payload_bytes: int,
-    *,
-    seed: int = 0,
     limit_bytes: int = LIMIT_BYTES,
 ) -> pd.DataFrame:
     """Sizes at each number of positions, published by the robots in turn; one row a ledger.
@@ -49,12 +47,12 @@ def ledger_sizes(
         folder = Path(name)
         for n_robots in robots:
             own = folder / f"robots {n_robots}"
-            grown = _grow(own, positions, n_robots, payload_bytes, seed)
+            grown = _grow(own, positions, n_robots, payload_bytes)
             rows += [("one a block", n_robots, *row, False) for row in grown]
             inline = _inline(own, positions, payload_bytes, folder / "inline", limit_bytes)
             rows += [("inline", n_robots, *row) for row in inline]
         for layout, together, keep in (("several a block", TOGETHER, 0), ("retention", 1, KEEP)):
-            grown = _grow(folder / layout, positions, TEAM, payload_bytes, seed, together, keep)
+            grown = _grow(folder / layout, positions, TEAM, payload_bytes, together, keep)
             rows += [(layout, TEAM, *row, False) for row in grown]
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -64,7 +62,6 @@ def _grow(
     positions: Sequence[int],
     n_robots: int,
     payload_bytes: int,
-    seed: int,
     together: int = 1,
     keep: int = 0,
 ) -> Iterator[tuple[int, int, int]]:
@@ -74,9 +71,9 @@ def _grow(
     each round of the robots, 0 for no drops.
     """
     robots = [f"R{number}" for number in range(1, n_robots + 1)]
-    ledger, keys = create_ledger(folder, robots, seed)
+    ledger, keys = create_ledger(folder, robots, 0)
     ledger.close()
-    draws = generator(seed, "bloat")
+    draws = generator(0, "bloat")
     for done, stop in pairwise((0, *positions)):
         with Ledger.open(folder, writable=True) as ledger:
             for start in range(done, stop, together):
