@@ -27,7 +27,7 @@ from vrchain.experiments.ledger.baselines import (
     Layout,
     MemoryLedger,
     Turn,
-    VerificationLimit,
+    verification_limit,
 )
 from vrchain.experiments.ledger.stores import (
     SMALL,
@@ -180,7 +180,7 @@ def _verification(site: Site, ledger: MemoryLedger) -> Row:
 
     repeats = min(max(_VERIFIED // site.positions, 1), 15)
     times_us = race_us(
-        {"limit": VerificationLimit(ledger), "verify": check},
+        {"limit": verification_limit(ledger), "verify": check},
         range(repeats), site.order, process_time_ns,
     )  # fmt: skip
     name = f"verification a position, {len(site.robots)} robots, {site.size}"
