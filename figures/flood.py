@@ -2,16 +2,13 @@
 
 from dataclasses import replace
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.ledger.flood import FloodConfig, flood, outcomes, summarise
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.flood import flood_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.ledger import flood_figure
+from vrchain.plots.scripts import Drawn, run_script
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """Measured when it is drawn, for longer in a larger profile."""
     seed, name = results.profile.seed, results.profile.name
     config = FloodConfig(rounds={"smoke": 1, "paper": 10}.get(name, 2), seed=seed)

@@ -1,19 +1,16 @@
 """Home vectors from all around one place: ours, and homing in scale space."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.homing.evaluation import RIG, Grid, answers, draw_place
 from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.plots.homing import home_vectors_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
 from vrchain.seeding import generator
 from vrchain.world.render import Renderer
 
 ROWS = ("epipolar", "scale")
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """One place of the suburb, its starts closer together for a larger profile."""
     seed = results.profile.seed
     spacing_m = {"smoke": 2.5, "paper": 0.5}.get(results.profile.name, 1.0)

@@ -1,14 +1,11 @@
 """Common landmarks over the distance between two robots: how many, how right, how well placed."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.reproduction.results import Results, rig_text
-from vrchain.plots.quality import landmark_quality_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.landmarks import landmark_quality_figure
+from vrchain.plots.scripts import Drawn, run_script
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """What the claims of random pairs of places come to, by variant."""
     bands = results.table("landmarks", "pairs_summary")
     suburbs = bands.suburbs.max()

@@ -2,18 +2,15 @@
 
 from itertools import islice
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.reproduction.results import Results
 from vrchain.ledger import Ledger
 from vrchain.plots.ledger import ledger_figure, ledger_table
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
 
 SHOWN = 6
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """The first blocks of the survey's ledger."""
     with Ledger.open(results.path("survey", "ledger")) as ledger:
         entries = list(islice(ledger.entries(), SHOWN))

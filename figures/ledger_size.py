@@ -1,17 +1,14 @@
 """The ledger's size over positions and robots, beside the paper's inline layout."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.ledger.size import ledger_sizes
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.ledger_size import ledger_size_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.ledger import ledger_size_figure
+from vrchain.plots.scripts import Drawn, run_script
 
 ROBOTS = (2, 10, 100)
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """Real ledgers, of panoramas as large as the survey's are on average."""
     payload_bytes = round(results.table("retrieval", "throughput").payload_bytes[0])
     sizes = ledger_sizes(results.profile.positions, ROBOTS, payload_bytes)

@@ -2,19 +2,18 @@
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.plots.pictures import view_sheet
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
 from vrchain.world.render import Renderer
 
 POSE = Pose(10.0, 0.0, 0.0)
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """The views and the cylinder, and which view each bearing of the cylinder comes from."""
     rig = CameraRig()
     figure = view_sheet(Renderer(suburb()).render(POSE, rig))

@@ -1,16 +1,15 @@
 """Chains of landmarks when segments are lost: the planner beside two known ones."""
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from vrchain.experiments.planning.lost_segments import TASKS_A_WORLD, blocked_drives, shares
 from vrchain.experiments.planning.published_drives import by_team, one_drive
 from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.planning import TEAMS_SHOWN, planning_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """Drives on random graphs, more of them for a larger profile."""
     seed = results.profile.seed
     worlds = {"smoke": 2, "paper": 40}.get(results.profile.name, 10)

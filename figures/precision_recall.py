@@ -1,15 +1,12 @@
 """Precision against recall of common landmarks, as the threshold for a claim moves."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.landmarks.bands import precision_recall
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.quality import precision_recall_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.landmarks import precision_recall_figure
+from vrchain.plots.scripts import Drawn, run_script
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """A line for each variant, a panel for each band of distances."""
     claims, pairs = (results.table("landmarks", name) for name in ("pairs", "pairs_drawn"))
     curves = precision_recall(claims, pairs)

@@ -1,20 +1,17 @@
 """What the network proposes in one panorama: boxes, kinds and ranges."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import examine
 from vrchain.panorama import CameraRig
 from vrchain.plots.landmarks import proposals_figure, proposals_table
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
 from vrchain.world.render import Renderer
 
 POSE = Pose(10.0, 0.0, 0.0)  # as in the figure of the panorama
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """The proposals of the panorama of another figure."""
     panorama = Renderer(suburb()).render(POSE, CameraRig())
     found = examine(panorama).proposals

@@ -1,14 +1,13 @@
 """Retrieval three ways: each over its position, and the means, beside the paper's."""
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.latency import retrieval_time_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.reproduction import retrieval_time_figure
+from vrchain.plots.scripts import Drawn, run_script
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """One row a retrieval, for each way and number of positions."""
     retrievals = results.retrievals()
     return retrieval_time_figure(retrievals, results.note()), pd.concat(retrievals.values())

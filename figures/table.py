@@ -1,14 +1,13 @@
 """The paper's table and bounds: update, retrieval, landmark quality, ours beside its own."""
 
 import pandas as pd
-from matplotlib.figure import Figure
 
 from vrchain.experiments.reproduction.results import Results
-from vrchain.plots.latency import TABLE_NOTE, table_figure
-from vrchain.plots.scripts import run_script
+from vrchain.plots.reproduction import TABLE_NOTE, table_figure
+from vrchain.plots.scripts import Drawn, run_script
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """Table and bounds as a picture; the rows of both as numbers, the table's first."""
     summary, bounds = results.summary(), results.bounds()
     note = f"{TABLE_NOTE}\n{results.note()}"

@@ -1,15 +1,12 @@
 """The team as a graph, as in the paper's figure 1: robots, and the landmarks that join them."""
 
-import pandas as pd
-from matplotlib.figure import Figure
-
 from vrchain.experiments.reproduction.results import Results, barn
-from vrchain.plots.chain import chain_of, team_graph
-from vrchain.plots.scripts import run_script
+from vrchain.plots.scripts import Drawn, run_script
+from vrchain.plots.teams import chain_of, team_graph
 from vrchain.simulation.sightings import sightings_table, team_sightings
 
 
-def draw(results: Results) -> tuple[Figure, pd.DataFrame]:
+def draw(results: Results) -> Drawn:
     """The team of ``scenes/barn.yaml``, by ground truth."""
     scene, robots = barn(), dict(barn().robots)
     seen = team_sightings(scene, robots)

@@ -145,11 +145,6 @@ def test_a_pose_inside_something_or_off_the_map(tmp_path: Path, refused: Refused
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_scene_file_that_is_missing(tmp_path: Path, refused: Refused) -> None:
-    said = refused("scene", "info", tmp_path / "none.yaml")
-    assert "none.yaml" in said
-
-
 @pytest.mark.parametrize("kind", ["missing", "text", "empty", "blank", "folder"])
 def test_an_image_that_is_none(kind: str, image: Path, tmp_path: Path, refused: Refused) -> None:
     bad = tmp_path / "given" / "bad.png"
@@ -216,6 +211,7 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("figures", "portrait"), "update_time"),
         (("scene", "export", SUBURB, "-o", "scene.obj"), ".glb"),
         (("scene", "export", CROSSING, "-o", "again.world"), "write it as .glb"),
+        (("scene", "info", "none.yaml"), "none.yaml"),
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "ledger", "--positions", "0"), "equal to 1, got '0'"),
         (("bench", "flood", "--kind", "rain"), "a flood of valid"),
@@ -320,6 +316,9 @@ def test_nothing_asked_for_is_help(here: Here) -> None:
     for command in ((), ("scene",), ("evaluate",), ("bench",)):
         done = here(*command)
         assert (done.returncode, done.stderr) == (0, "") and "Usage" in done.stdout
+    for command in ("scene", "panorama", "landmarks", "navigate", "ledger", "reproduce", "figures"):
+        assert command in here("--help").stdout
+    assert "smoke" not in here("reproduce", "--help").stdout
 
 
 def test_a_reader_that_has_seen_enough_ends_it_quietly() -> None:
@@ -364,16 +363,18 @@ def test_a_disk_without_room(full_disk: Path, image: Path, refused: Refused) -> 
 
 @pytest.mark.parametrize(
     ("number", "arguments"),
-    [(signal.SIGINT, ("panorama", BARN, "--at", 10, 0, 0)), (signal.SIGINT, ("navigate", BARN)),
-     (signal.SIGTERM, ("navigate", BARN)), (signal.SIGINT, ("reproduce",))],
-    ids=["panorama", "navigate", "navigate, terminated", "reproduce"],
+    [(signal.SIGINT, ("panorama", BARN, "--at", 10, 0, 0, "-o")),
+     (signal.SIGINT, ("navigate", BARN, "-o")), (signal.SIGTERM, ("navigate", BARN, "-o")),
+     (signal.SIGINT, ("bench", "ledger", "--positions", 100_000, "--folder")),
+     (signal.SIGINT, ("reproduce",))],
+    ids=["panorama", "navigate", "navigate, terminated", "bench ledger", "reproduce"],
 )  # fmt: skip
 def test_ctrl_c_in_the_middle_leaves_nothing(
     number: signal.Signals, arguments: tuple[object, ...], tmp_path: Path
 ) -> None:
     """Interrupted as soon as it has begun to write, which is where something could be left."""
     environment = {**ENVIRONMENT, "VRCHAIN_BUILD": str(tmp_path / "out")}
-    output = () if arguments == ("reproduce",) else ("-o", tmp_path / "out")
+    output = () if arguments == ("reproduce",) else (tmp_path / "out",)
     process = subprocess.Popen(
         [*COMMAND, *map(str, (*arguments, *output))],
         env=environment,
@@ -463,19 +464,6 @@ def test_landmarks_of_two_panoramas(here: Here, tmp_path: Path) -> None:
     good(here("panorama", CROSSING, "--at", 10, 0, 0, "-o", tmp_path / "a"))
     done = good(here("landmarks", tmp_path / "a", tmp_path / "b", "--json"))
     assert json.loads(done.stdout) == {"common_landmarks": [], "relative_pose": None}
-
-
-def test_ledger_verify(tmp_path: Path) -> None:
-    good(call("ledger", "init", tmp_path / "L", "--member", "R1", "--keys", tmp_path / "keys"))
-    expected = {"ok": True, "blocks": 1, "first_bad_block": None, "reason": ""}
-    assert answer("ledger", "verify", tmp_path / "L") == expected
-
-
-def test_help_says_what_there_is() -> None:
-    done = call("--help")
-    for command in ("scene", "panorama", "landmarks", "navigate", "ledger", "reproduce", "figures"):
-        assert command in done.stdout
-    assert "smoke" not in call("reproduce", "--help").stdout
 
 
 @pytest.mark.slow

@@ -22,9 +22,8 @@ NEEDS = {  # what a cell calls tells what its notebook needs
 LONGEST_FUNCTION = 6  # lines; what is longer belongs into the library
 
 
-def cells(name: str, kind: str) -> list[str]:
-    notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
-    return [cell.source for cell in notebook.cells if cell.cell_type == kind]
+def read(path: Path) -> nbformat.NotebookNode:
+    return nbformat.read(path, as_version=4)
 
 
 def python_of(source: str) -> ast.Module:
@@ -50,25 +49,20 @@ def test_the_manifest_names_all_notebooks_and_what_they_need() -> None:
 
 
 @pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_is_stored_without_output(name: str) -> None:
-    notebook = nbformat.read(NOTEBOOKS / f"{name}.ipynb", as_version=4)
+def test_a_notebook_is_thin_says_what_it_is_about_and_is_stored_without_output(name: str) -> None:
+    notebook = read(NOTEBOOKS / f"{name}.ipynb")
     nbformat.validate(notebook)
     assert notebook.metadata.kernelspec.name == "python3"
     assert [cell.id for cell in notebook.cells] == [
         f"{name[:2]}-{number:02d}" for number in range(1, len(notebook.cells) + 1)
     ]
+    words = next(cell.source for cell in notebook.cells if cell.cell_type == "markdown")
+    assert words.startswith("# ") and "**Question.**" in words and "**Idea.**" in words
     for cell in notebook.cells:
         if cell.cell_type == "code":
             assert cell.outputs == [] and cell.execution_count is None
-
-
-@pytest.mark.parametrize("name", NAMES)
-def test_a_notebook_is_thin_and_says_what_it_is_about(name: str) -> None:
-    words = cells(name, "markdown")
-    assert words[0].startswith("# ") and "**Question.**" in words[0] and "**Idea.**" in words[0]
-    for source in cells(name, "code"):
-        long = [f for f in functions(python_of(source)) if f[1] > LONGEST_FUNCTION]
-        assert long == []
+            long = [f for f in functions(python_of(cell.source)) if f[1] > LONGEST_FUNCTION]
+            assert long == []
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -89,7 +83,7 @@ def test_a_notebook_runs_and_shows_pictures(
     name: str, smoke_results: Results, tmp_path: Path
 ) -> None:
     executed = execute(NOTEBOOKS / f"{name}.ipynb", tmp_path, smoke_results)
-    notebook = nbformat.read(executed, as_version=4)
+    notebook = read(executed)
     shown = [output for cell in notebook.cells for output in cell.get("outputs", [])]
     assert any("image/png" in output.get("data", {}) for output in shown)
     assert not [o for o in shown if o.output_type == "error" or o.get("name") == "stderr"]
@@ -118,5 +112,5 @@ def test_a_cell_that_fails_is_told_in_one_line(
         notebooks.run_notebooks(results, tmp_path / "out")
     small_notebook(source / "bad.ipynb", "import os; print(os.environ['VRCHAIN_PROFILE'])")
     assert notebooks.run_notebooks(results, tmp_path / "out").startswith("executed 1 notebooks")
-    written = nbformat.read(tmp_path / "out" / "bad.ipynb", as_version=4)
+    written = read(tmp_path / "out" / "bad.ipynb")
     assert written.cells[0].outputs[0].text == "smoke\n"

@@ -68,19 +68,16 @@ def test_lock_holds_what_the_project_asks_for() -> None:
     assert torch == "torch==2.13.0"
 
 
-def test_an_installation_is_complete_only_with_its_stamp(setup: ModuleType) -> None:
+@pytest.mark.parametrize("name", ["requirements.lock", "pyproject.toml"])
+def test_a_change_or_half_a_stamp_asks_for_a_new_installation(setup: ModuleType, name: str) -> None:
     assert not setup.complete()
     setup.install(0)
     assert setup.complete()
-    setup.STAMP.write_text(setup.fingerprint()[:20])
-    assert not setup.complete()
-
-
-@pytest.mark.parametrize("name", ["requirements.lock", "pyproject.toml"])
-def test_a_change_asks_for_a_new_installation(setup: ModuleType, name: str) -> None:
-    setup.install(0)
     with (setup.ROOT / name).open("a") as file:
         file.write("\n")
+    assert not setup.complete()
+    setup.install(0)
+    setup.STAMP.write_text(setup.fingerprint()[:20])
     assert not setup.complete()
 
 
@@ -96,7 +93,7 @@ def test_a_moved_installation_is_not_complete(
     assert not setup.complete()
 
 
-def test_an_installation_broken_off_is_made_anew(
+def test_an_installation_that_was_broken_off_or_failed_is_made_anew(
     setup: ModuleType, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def broken_off(*_: str, **__: int) -> bool:
@@ -107,20 +104,15 @@ def test_an_installation_broken_off_is_made_anew(
         patch.setattr(setup, "pip", broken_off)
         with pytest.raises(KeyboardInterrupt):
             setup.install(0)
-    assert (setup.VENV / "half").exists()
-    assert not setup.complete()
+        assert (setup.VENV / "half").exists()
+        assert not setup.complete()
+        patch.setattr(setup, "pip", lambda *_, **__: False)
+        with pytest.raises(SystemExit, match="could not be installed"):
+            setup.install(0)
+        assert not setup.complete()
     setup.install(0)
     assert setup.complete()
     assert not (setup.VENV / "half").exists()
-
-
-def test_an_installation_that_failed_leaves_no_stamp(
-    setup: ModuleType, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(setup, "pip", lambda *_, **__: False)
-    with pytest.raises(SystemExit, match="could not be installed"):
-        setup.install(0)
-    assert not setup.complete()
 
 
 def test_without_torch_the_installation_is_complete(
@@ -133,29 +125,22 @@ def test_without_torch_the_installation_is_complete(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="names of Linux libraries")
-@pytest.mark.parametrize(("user", "has_apt"), [(1000, True), (0, False)])
+@pytest.mark.parametrize(
+    ("user", "has_apt", "tried"),
+    [(1000, True, []), (0, False, []), (0, True, ["update", "libegl1"])],
+    ids=["no root", "no apt", "apt fails"],
+)
 def test_missing_libraries_stop_with_the_line_that_installs_them(
-    setup: ModuleType, monkeypatch: pytest.MonkeyPatch, user: int, has_apt: bool
-) -> None:
-    monkeypatch.setattr(setup, "loads", lambda library: library != "libEGL.so.1")
-    monkeypatch.setattr(setup.os, "geteuid", lambda: user)
-    monkeypatch.setattr(setup.shutil, "which", lambda _: "/usr/bin/apt-get" if has_apt else None)
-    with pytest.raises(SystemExit, match="sudo apt-get install libegl1\n"):
-        setup.install_packages()
-
-
-@pytest.mark.skipif(sys.platform != "linux", reason="names of Linux libraries")
-def test_apt_that_fails_stops_with_the_line(
-    setup: ModuleType, monkeypatch: pytest.MonkeyPatch
+    setup: ModuleType, monkeypatch: pytest.MonkeyPatch, user: int, has_apt: bool, tried: list[str]
 ) -> None:
     ran: list[list[str]] = []
     monkeypatch.setattr(setup, "loads", lambda library: library != "libEGL.so.1")
-    monkeypatch.setattr(setup.os, "geteuid", lambda: 0)
-    monkeypatch.setattr(setup.shutil, "which", lambda _: "/usr/bin/apt-get")
+    monkeypatch.setattr(setup.os, "geteuid", lambda: user)
+    monkeypatch.setattr(setup.shutil, "which", lambda _: "/usr/bin/apt-get" if has_apt else None)
     monkeypatch.setattr(setup.subprocess, "run", lambda command, **_: ran.append(command))
     with pytest.raises(SystemExit, match="sudo apt-get install libegl1\n"):
         setup.install_packages()
-    assert [command[-1] for command in ran] == ["update", "libegl1"]
+    assert [command[-1] for command in ran] == tried
 
 
 def test_an_old_python_is_refused(setup: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,8 +2,8 @@
 
 import numpy as np
 import pandas as pd
+from drawn import strays
 from matplotlib.quiver import Quiver
-from test_plots import strays
 from worlds import yard
 
 from vrchain.geometry import Pose

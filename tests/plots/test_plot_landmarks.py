@@ -1,13 +1,23 @@
-"""Pictures of proposals and of mistakes: what is in them, by their artists."""
+"""Figures of common landmarks, of proposals and of mistakes: what is in them."""
 
 import numpy as np
+import pandas as pd
+import pytest
 import sights
+from drawn import strays, words
 from matplotlib.patches import Rectangle
 
+from vrchain.experiments.landmarks.mistakes import Mistake
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.proposer import KINDS, Proposals, nothing
 from vrchain.landmarks.matching.common import CommonLandmark, Region
-from vrchain.plots.landmarks import Mistake, mistakes_figure, proposals_figure, proposals_table
+from vrchain.plots.landmarks import (
+    landmark_quality_figure,
+    mistakes_figure,
+    precision_recall_figure,
+    proposals_figure,
+    proposals_table,
+)
 
 PANORAMA = sights.look(Pose(0, 0))
 NONE = np.empty(0, dtype=np.int64)
@@ -58,4 +68,66 @@ def test_a_mistake_shows_both_regions_and_what_they_truly_are() -> None:
 
 
 def test_where_nothing_was_wrong_it_says_so() -> None:
-    assert "no wrong claim" in mistakes_figure([]).texts[0].get_text()
+    assert "no wrong claim" in mistakes_figure([], "a note").texts[0].get_text()
+
+
+def quality_bands(suburbs: int = 2) -> pd.DataFrame:
+    rows = [
+        {
+            "band_m": band_m, "variant": variant, "suburbs": suburbs, "n_pairs": 20,
+            "landmarks_a_pair": 40.2, "right_a_pair": 2.5 + k, "wrong_a_pair": 0.25,
+            "precision": 0.9 - k / 10, "precision_low": 0.6, "precision_high": 0.95,
+            "quality_m_median": 0.1 * (k + 1), "quality_m_q25": 0.05, "quality_m_q75": 0.9,
+        }
+        for band_m in ("1-10", "10-20", "20-40")
+        for k, variant in enumerate(("sift", "cnn", "cnn+sift"))
+    ]  # fmt: skip
+    return pd.DataFrame(rows)
+
+
+def test_landmark_quality_has_count_share_and_metres_of_each_band_and_variant() -> None:
+    figure = landmark_quality_figure(quality_bands(), "a note")
+    assert strays(figure) == []
+    counts, shares, quality = figure.axes
+    heights = [patch.get_height() for patch in counts.patches]
+    assert heights == [h for k in range(3) for h in [2.5 + k] * 3 + [0.25] * 3]
+    assert [patch.get_height() for patch in shares.patches] == [0.9] * 3 + [0.8] * 3 + [0.7] * 3
+    medians = [line.get_ydata()[0] for line in quality.lines]
+    assert medians == pytest.approx([0.1, 0.2, 0.3]) and quality.get_yscale() == "log"
+    seen = set(words(figure))
+    assert {"a note", "wrong claims", "quality (m, smaller is better)"} <= seen
+    assert any(text.startswith("1-10 m apart\n20 pairs") for text in seen)
+    assert words(figure).count("2.5") == 3 and words(figure).count("0.90") == 3
+
+
+def test_landmark_quality_says_where_a_variant_claims_nothing() -> None:
+    bands = quality_bands(suburbs=1)
+    bands[["precision_low", "precision_high"]] = np.nan
+    silent = bands.variant == "sift"
+    quality = ["quality_m_median", "quality_m_q25", "quality_m_q75"]
+    bands.loc[silent, ["precision", *quality]] = np.nan
+    bands.loc[silent, ["right_a_pair", "wrong_a_pair"]] = 0.0
+    figure = landmark_quality_figure(bands)
+    assert strays(figure) == [] and words(figure).count("no claim") == 3
+    bands[["precision", *quality]] = np.nan
+    assert strays(landmark_quality_figure(bands)) == []
+
+
+def test_precision_recall_is_a_line_a_variant_with_its_threshold_marked() -> None:
+    curves = pd.DataFrame(
+        [
+            (band_m, variant, 0.9 - k / 10, 1 - k / 10, k / 10, k == 1)
+            for band_m, variants in {"1-10": ("sift", "cnn"), "10-20": ("cnn",)}.items()
+            for variant in variants
+            for k in range(4)
+        ],
+        columns=["band_m", "variant", "threshold", "precision", "recall", "in_use"],
+    )
+    figure = precision_recall_figure(curves, "a note")
+    assert strays(figure) == []
+    assert [axes.get_title() for axes in figure.axes] == ["1-10 m apart", "10-20 m apart"]
+    assert [len(axes.lines) for axes in figure.axes] == [4, 2]  # a line and a marker a variant
+    line, marker = figure.axes[1].lines
+    assert list(line.get_xdata()) == [0.0, 0.1, 0.2, 0.3]
+    assert (list(marker.get_xdata()), list(marker.get_ydata())) == ([0.1], [0.9])
+    assert {"a note", "no claim: sift"} <= set(words(figure))

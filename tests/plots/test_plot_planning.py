@@ -1,6 +1,6 @@
 """The planner's figure: every method in every panel, the published shares where they belong."""
 
-from test_plots import strays
+from drawn import strays
 
 from vrchain.experiments.planning.lost_segments import METHODS, blocked_drives, shares
 from vrchain.experiments.planning.published_drives import PUBLISHED, by_team, one_drive

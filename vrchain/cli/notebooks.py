@@ -5,7 +5,8 @@ import re
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor, as_completed
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -39,15 +40,9 @@ def run_notebooks(results: Results, folder: Path) -> str:
     slow_first = sorted(chosen, key=lambda name: chosen[name]["tier"] == "quick")
     notebooks = [NOTEBOOKS / f"{name}.ipynb" for name in slow_first]
     with ThreadPoolExecutor(_AT_ONCE) as pool:
-        started = [pool.submit(execute, notebook, folder, results) for notebook in notebooks]
-        try:
-            for done in tqdm(
-                as_completed(started), total=len(started), desc="notebooks", unit="", disable=None
-            ):
-                done.result()
-        except BaseException:
-            pool.shutdown(cancel_futures=True)
-            raise
+        done = pool.map(partial(execute, folder=folder, results=results), notebooks)
+        for _ in tqdm(done, total=len(notebooks), desc="notebooks", unit="", disable=None):
+            pass
     return f"executed {len(notebooks)} notebooks, as .ipynb and .html"
 
 

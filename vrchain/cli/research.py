@@ -29,7 +29,7 @@ def reproduce(
     from vrchain.cli.notebooks import run_notebooks
     from vrchain.experiments.reproduction import stages as reproduction
     from vrchain.experiments.reproduction.results import ReproductionError, Results
-    from vrchain.plots.mission import save_pictures
+    from vrchain.plots.missions import save_pictures
     from vrchain.plots.scripts import run_figures
 
     if names and not only:

@@ -151,7 +151,7 @@ def navigate(
 ) -> None:
     """Send a robot to a goal out of its sight, by what the others put into the ledger."""
     from vrchain.navigation.settings import Decision
-    from vrchain.plots.mission import save_pictures
+    from vrchain.plots.missions import save_pictures
     from vrchain.plots.replay import mission_gif
     from vrchain.simulation import mission
     from vrchain.simulation.task import robot_names

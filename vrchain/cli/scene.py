@@ -75,19 +75,18 @@ def export(
     from vrchain.world.gazebo import SUFFIXES
     from vrchain.world.sdf_export import SUFFIX, export_world
 
-    if output.suffix.lower() == SUFFIX:
-        if spec.suffix.lower() in SUFFIXES:
-            raise SpecError(
-                f"expected the scene file of a suburb to write as {SUFFIX}, got the Gazebo world "
-                f"{spec}: write it as .glb instead"
-            )
-        check_output_file(output)
-        with doing(f"exporting {spec}"):
-            export_world(load_spec(spec), output)
-        print(f"wrote {output}, and its models beside it")
-        return
-    check_name(output)
+    as_world = output.suffix.lower() == SUFFIX
+    if not as_world:
+        check_name(output)
+    elif spec.suffix.lower() in SUFFIXES:
+        raise SpecError(
+            f"expected the scene file of a suburb to write as {SUFFIX}, got the Gazebo world "
+            f"{spec}: write it as .glb instead"
+        )
     check_output_file(output)
     with doing(f"exporting {spec}"):
-        export_scene(load_scene(spec), output)
-    print(f"wrote {output}")
+        if as_world:
+            export_world(load_spec(spec), output)
+        else:
+            export_scene(load_scene(spec), output)
+    print(f"wrote {output}" + (", and its models beside it" if as_world else ""))

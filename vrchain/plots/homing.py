@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 
 from vrchain.geometry import Pose
 from vrchain.plots.maps import draw_scene, zoom_to
+from vrchain.plots.style import RED, panels
 from vrchain.world.model import Scene
 
 _MOST_DEG = 45.0  # from here on the colour tells no difference
@@ -21,10 +22,9 @@ def home_vectors_figure(
 ) -> Figure:
     """An arrow for each point around ``home`` (rows of ``experiments.homing.answers``), coloured
     by its angular error; a cross where the method had no answer."""
-    figure = Figure(figsize=(5.4 * len(rows) + 0.8, 5.9), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(rows), sharey=True))
+    figure, _ = panels(5.4 * len(rows) + 0.8, 5.9, 1, len(rows), sharey=True)
     colour = Normalize(0, _MOST_DEG)
-    for axes, row in zip(panels, rows, strict=True):
+    for axes, row in zip(figure.axes, rows, strict=True):
         draw_scene(axes, scene)
         made = answers[answers.method == row]
         places = home.xy_m + made[["x_m", "y_m"]].to_numpy()
@@ -37,14 +37,13 @@ def home_vectors_figure(
             angles="xy", width=0.006, zorder=5,
         )  # fmt: skip
         axes.plot(*places[~told].T, "x", color="black", ms=6, zorder=5)
-        axes.plot(*home.xy_m, "*", color="#d55e00", mec="white", ms=17, zorder=6)
+        axes.plot(*home.xy_m, "*", color=RED, mec="white", ms=17, zorder=6)
         zoom_to(axes, places, margin_m=0.8)
         none = f", {(~told).sum()} without an answer" if not told.all() else ""
         axes.set_title(f"{row}: {made.error_deg.mean():.1f}° off on average{none}", fontsize=11)
-    for axes in panels[1:]:
-        axes.set_ylabel("")
+        axes.label_outer()
     figure.colorbar(
-        arrows, ax=panels, label="angular error (degrees)", extend="max", shrink=0.8, pad=0.02
+        arrows, ax=figure.axes, label="angular error (degrees)", extend="max", shrink=0.8, pad=0.02
     )
     figure.suptitle("Home vectors around one place (star), every robot facing its own way")
     return figure

@@ -1,41 +1,73 @@
-"""The chain as a picture: blocks, the hashes that join them, what each brings or carries over."""
+"""The ledger: its chain of blocks, how large it gets, and what a flood does to it."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import FancyArrowPatch, FancyBboxPatch
+from matplotlib.patches import FancyBboxPatch
+from matplotlib.ticker import NullFormatter, NullLocator
 
+from vrchain.experiments.ledger.flood import BAR, QUIET, FloodConfig
+from vrchain.experiments.ledger.size import KEEP, LAYOUTS, TEAM, TOGETHER
 from vrchain.ledger import Entry, Transaction
 from vrchain.ledger.records.transaction import NO_TRANSACTION
-from vrchain.plots.maps import ROBOT_COLOURS
+from vrchain.plots.style import (
+    BLUE,
+    BYTES,
+    GREEN,
+    ORANGE,
+    RED,
+    SKY,
+    in_units,
+    label,
+    legend_below,
+    panels,
+    robot_colour,
+)
 
-_WIDTH, _GAP, _ROW = 2.0, 0.55, 0.5
+_WIDTH, _GAP, _ROW = 2.0, 0.55, 0.5  # of a block of the chain
+_STYLES = {
+    "inline": (RED, "o"),
+    "one a block": (BLUE, "s"),
+    "several a block": (SKY, "D"),
+    "retention": (GREEN, "^"),
+}
+_SHORT = {
+    "one a block": "one transaction\na block",
+    "several a block": f"{TOGETHER} transactions\na block",
+    "retention": f"newest {KEEP}\nkept",
+}
+_FATES = {
+    "admitted": ("admitted", GREEN),
+    "SignatureError": ("signature does not hold", RED),
+    "InputLimitError": ("too large", "#CC79A7"),
+    "RateLimitError": ("over the robot's rate", ORANGE),
+    "other": ("duplicate, or after a gap", "#F0E442"),
+    "unheard": ("sent, not listened to", "#BBBBBB"),
+}
 
 
 def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blocks") -> Figure:
     """Blocks from left to right; in each, every robot's newest transaction."""
     robots = [robot for robot, _ in entries[-1].block.newest]
-    figure = Figure(
-        figsize=(2.05 * len(entries) + 0.2, 2.15 + 0.42 * len(robots)), layout="constrained"
-    )
-    axes = figure.add_subplot()
+    figure, axes = panels(2.05 * len(entries) + 0.2, 2.15 + 0.42 * len(robots))
     known: dict[bytes, Transaction] = {}
     top = 1.42 + _ROW * len(robots)
     for index, entry in enumerate(entries):
         known |= {r.id: r for r in entry.records if isinstance(r, Transaction)}
-        _draw_block(axes, index * (_WIDTH + _GAP), top, entry, robots, known)
+        left = index * (_WIDTH + _GAP)
+        _draw_block(axes, left, top, entry, robots, known)
         if index:
-            start = index * (_WIDTH + _GAP)
-            axes.add_patch(
-                FancyArrowPatch(
-                    (start, top - 0.78), (start - _GAP, top - 0.42), arrowstyle="-|>",
-                    mutation_scale=13, color="#333333", lw=1.3,
-                )
+            axes.annotate(
+                "", (left - _GAP, top - 0.42), (left, top - 0.78),
+                arrowprops={
+                    "arrowstyle": "-|>", "mutation_scale": 13, "color": "#333333", "lw": 1.3,
+                },
             )  # fmt: skip
-    axes.set_xlim(-0.1, len(entries) * (_WIDTH + _GAP) - _GAP + 0.1)
-    axes.set_ylim(-0.55, top + 0.1)
+    end = len(entries) * (_WIDTH + _GAP) - _GAP
+    axes.set(xlim=(-0.1, end + 0.1), ylim=(-0.55, top + 0.1))
     axes.set_axis_off()
     axes.text(
         0, -0.1,
@@ -49,22 +81,20 @@ def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blo
 
 def ledger_table(entries: Sequence[Entry]) -> pd.DataFrame:
     """One row per (block, robot): height, hash, previous_hash, author, robot, transaction, new."""
-    rows = []
-    for entry in entries:
-        block, brought = entry.block, {record.id for record in entry.records}
-        for robot, newest in block.newest:
-            rows.append(
-                {
-                    "height": block.height,
-                    "hash": block.hash.hex(),
-                    "previous_hash": block.previous_hash.hex(),
-                    "timestamp_s": block.timestamp_ns / 1e9,
-                    "author": block.author,
-                    "robot": robot,
-                    "newest_transaction": "" if newest == NO_TRANSACTION else newest.hex(),
-                    "new": newest in brought,
-                }
-            )
+    rows = [
+        {
+            "height": block.height,
+            "hash": block.hash.hex(),
+            "previous_hash": block.previous_hash.hex(),
+            "timestamp_s": block.timestamp_ns / 1e9,
+            "author": block.author,
+            "robot": robot,
+            "newest_transaction": "" if newest == NO_TRANSACTION else newest.hex(),
+            "new": newest in {record.id for record in records},
+        }
+        for block, records in entries
+        for robot, newest in block.newest
+    ]
     return pd.DataFrame(rows)
 
 
@@ -77,12 +107,7 @@ def _draw_block(
     known: dict[bytes, Transaction],
 ) -> None:
     block, brought = entry.block, {record.id for record in entry.records}
-    axes.add_patch(
-        FancyBboxPatch(
-            (left, 0), _WIDTH, top, boxstyle="round,pad=0,rounding_size=0.08", facecolor="#f6f6f2",
-            edgecolor="#333333", lw=1.2,
-        )
-    )  # fmt: skip
+    _rounded(axes, left, 0, _WIDTH, top, 0.08, facecolor="#f6f6f2", edgecolor="#333333")
     title = "block 0: genesis" if block.height == 0 else f"block {block.height}"
     axes.text(left + 0.1, top - 0.16, title, fontsize=10, fontweight="bold", va="center")
     lines = {
@@ -97,23 +122,135 @@ def _draw_block(
         axes.text(left + 0.78, y, value, fontsize=8, va="center", family="monospace")
     newest = dict(block.newest)
     for number, robot in enumerate(robots):
-        colour = ROBOT_COLOURS[number % len(ROBOT_COLOURS)]
+        colour = robot_colour(number)
         y = 0.1 + _ROW * (len(robots) - 1 - number)
         transaction = known.get(newest.get(robot, NO_TRANSACTION))
         is_new = transaction is not None and transaction.id in brought
-        axes.add_patch(
-            FancyBboxPatch(
-                (left + 0.08, y), _WIDTH - 0.16, _ROW - 0.12,
-                boxstyle="round,pad=0,rounding_size=0.05", lw=1.2,
-                facecolor=colour if is_new else "white",
-                edgecolor=colour if transaction else "#cccccc",
-            )
-        )  # fmt: skip
-        text = f"{robot}: nothing yet"
+        text, ink, edge = f"{robot}: nothing yet", "#999999", "#cccccc"
         if transaction is not None:
             text = f"{robot} no. {transaction.sequence} ({transaction.reason})"
+            ink, edge = "white" if is_new else colour, colour
+        _rounded(
+            axes, left + 0.08, y, _WIDTH - 0.16, _ROW - 0.12, 0.05,
+            facecolor=colour if is_new else "white", edgecolor=edge,
+        )  # fmt: skip
         axes.text(
-            left + 0.16, y + (_ROW - 0.12) / 2, text, fontsize=8.5, va="center",
-            color="white" if is_new else (colour if transaction else "#999999"),
+            left + 0.16, y + (_ROW - 0.12) / 2, text, fontsize=8.5, va="center", color=ink,
             fontweight="bold" if is_new else "normal",
         )  # fmt: skip
+
+
+def _rounded(
+    axes: Axes, x: float, y: float, width: float, height: float, radius: float, **style: Any
+) -> None:
+    shape = f"round,pad=0,rounding_size={radius}"
+    axes.add_patch(FancyBboxPatch((x, y), width, height, boxstyle=shape, lw=1.2, **style))
+
+
+def ledger_size_figure(sizes: pd.DataFrame, note: str = "") -> Figure:
+    """``size.ledger_sizes`` over positions, over robots, and what stands beside the panoramas."""
+    figure, (over_positions, over_robots, beside) = panels(
+        14.5, 4.9, 1, 3, width_ratios=(1.25, 1.0, 1.0)
+    )
+    team, most = sizes[sizes.robots == TEAM], sizes.positions.max()
+    _size_curves(over_positions, team, "positions")
+    over_positions.set(xlabel="positions in the ledger", title=f"{TEAM} robots")
+    _size_curves(over_robots, sizes[sizes.positions == most], "robots")
+    over_robots.set(xlabel="robots", title=f"{most} positions")
+    _record_bars(beside, team[(team.positions == most) & (team.layout != "inline")])
+    beside.set_title(f"Records, beside the panoramas: {TEAM} robots")
+    legend_below(figure, over_positions.lines, 3, note)
+    figure.suptitle("How large a ledger gets")
+    return figure
+
+
+def _size_curves(axes: Axes, sizes: pd.DataFrame, over: str) -> None:
+    alone = sizes[sizes.layout == "one a block"]
+    panoramas = "the panoramas alone, each once"
+    axes.plot(alone[over], alone.panorama_bytes, ":", lw=2, color="#333333", label=panoramas)
+    for layout, (colour, marker) in _STYLES.items():
+        rows = sizes[sizes.layout == layout].sort_values(over)
+        axes.plot(
+            rows[over], rows.size_bytes, marker, ls="-", lw=1.2, ms=7, color=colour,
+            label=LAYOUTS[layout],
+        )  # fmt: skip
+        last = rows.iloc[-1]
+        if layout != "several a block":  # it would stand on its neighbour
+            text, at = in_units(last.size_bytes, BYTES), (last[over], last.size_bytes)
+            label(axes, text, at, (-4, 9), ha="right", fontsize=9, color=colour)
+    computed = sizes[sizes.computed]
+    axes.plot(
+        computed[over], computed.size_bytes, "o", ms=7, mec=_STYLES["inline"][0], mfc="white",
+        label="hollow: computed, being over 2 GB",
+    )  # fmt: skip
+    axes.set(xscale="log", yscale="log", ylabel="size in files (logarithmic)")
+    ticks = sorted(sizes[over].unique())
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.margins(x=0.12, y=0.1)
+    axes.yaxis.set_major_formatter(lambda size, _: in_units(size, BYTES))
+    axes.yaxis.set_minor_formatter(NullFormatter())
+    axes.grid(axis="y", color="#dddddd", lw=0.6)
+
+
+def _record_bars(axes: Axes, sizes: pd.DataFrame) -> None:
+    """Bytes that are no panorama's, a position."""
+    bytes_each = (sizes.size_bytes - sizes.panorama_bytes) / sizes.positions
+    colours = [_STYLES[layout][0] for layout in sizes.layout]
+    bars = axes.bar(sizes.layout.map(_SHORT), bytes_each, color=colours, width=0.6)
+    axes.bar_label(bars, [f"{value:,.0f}" for value in bytes_each], padding=2)
+    axes.set_ylabel("bytes a position")
+    axes.margins(y=0.15)
+
+
+def flood_figure(table: pd.DataFrame, floods: pd.DataFrame, config: FloodConfig) -> Figure:
+    """``flood.summarise`` and ``flood.outcomes`` of an experiment with ``config``."""
+    figure, (noticed, became) = panels(
+        12.5, 0.5 * len(table) + 2.6, 1, 2, sharey=True, width_ratios=(1.1, 1.0)
+    )
+    _noticed(noticed, table, config.robots)
+    _became(became, floods.set_index("name").reindex(table["name"]))
+    legend_below(figure, became.containers, 6)
+    figure.suptitle("One robot floods the one that takes in transactions")
+    return figure
+
+
+def _noticed(axes: Axes, table: pd.DataFrame, n_robots: int) -> None:
+    places, median_ms, p99_ms = range(len(table)), table.median_us / 1e3, table.p99_us / 1e3
+    axes.hlines(places, median_ms, p99_ms, lw=1.2, color="#999999", zorder=1)
+    axes.plot(median_ms, places, "o", ms=7, color=BLUE)
+    axes.plot(p99_ms, places, "D", ms=7, color=RED)
+    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
+    ratios = table[["name", "ratio", "ratio_low", "ratio_high"]].to_numpy()
+    for place, ms, (name, ratio, low, high) in zip(places, p99_ms, ratios, strict=True):
+        if name != QUIET:
+            text = f"{ratio:.2f} x ({low:.2f} to {high:.2f})"
+            label(axes, text, (ms, place), (9, 0), va="center", fontsize=8.5, bbox=white)
+    quiet_ms = float(table.reference_us.iloc[0]) / 1e3
+    limit_ms = BAR * quiet_ms
+    axes.axvline(quiet_ms, color=RED, lw=0.9, ls=":")
+    axes.axvline(limit_ms, color="#333333", lw=1.1, ls="--")
+    axes.text(limit_ms, -0.5, f" {BAR:g} x quiet", fontsize=8.5, va="center")
+    axes.set_yticks(places, list(table["name"]))
+    end_ms = 1.45 * max(float(p99_ms.max()), limit_ms)
+    axes.set(xlim=(0, end_ms), ylim=(len(table) - 0.45, -0.6))
+    axes.set_xlabel("until a transaction is durable (ms): median ●, 99th percentile ◆")
+    refused = f"{int(table.refused.sum())} of their {table.positions.sum()} refused"
+    axes.set_title(f"What the {n_robots} honest robots notice: {refused}")
+
+
+def _became(axes: Axes, floods: pd.DataFrame) -> None:
+    """Shares of the messages sent, by fate."""
+    counts = floods.drop(columns=["sent", "sent_mb", "gate_busy"])
+    fates = counts.reindex(columns=list(_FATES), fill_value=0.0)
+    fates["other"] = counts.drop(columns=counts.columns.intersection(fates.columns)).sum(axis=1)
+    shares = fates.div(fates.sum(axis=1).clip(lower=1), axis=0)
+    places, ends = range(len(shares)), shares.cumsum(axis=1)
+    for fate, (name, colour) in _FATES.items():
+        left = ends[fate] - shares[fate]
+        axes.barh(places, shares[fate], left=left, height=0.6, color=colour, label=name)
+    for place, number in enumerate(floods.sent):
+        axes.text(1.02, place, f"{number:,.0f}" if number else "none", va="center", fontsize=9)
+    axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
+    axes.set_xlabel("share of the messages that the flooder got rid of; how many")
+    axes.set(xlim=(0, 1.16), title="What becomes of the flood")

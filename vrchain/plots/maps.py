@@ -1,22 +1,19 @@
 """Maps: a scene from above, with robots, what they see, and the ways they drove."""
 
-from collections.abc import Mapping
-
 import numpy as np
 import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Polygon
+from matplotlib.patches import Patch
 from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
+from vrchain.plots.style import WHITE_BOX, label, panels
 from vrchain.world.model import Scene, SceneObject
 
-# Told apart by the colour-blind: Okabe and Ito's palette, and lightness on the map.
-ROBOT_COLOURS = ("#d55e00", "#0072b2", "#aa3f83", "#e69f00", "#56b4e9", "#009e73")
-KIND_COLOURS = {
+_KIND_COLOURS = {
     "house": "#c9a08a",
     "shop": "#8c6bb1",
     "barn": "#8c2d04",
@@ -28,20 +25,15 @@ KIND_COLOURS = {
     "wall": "#3a3a3a",
 }
 _OTHER_COLOUR = "#b0005a"
-LABEL_BOX = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 _THIN = ("hedge", "fence", "wall")  # drawn at least so wide that their colour shows
 
 
-def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
-    """The whole map, objects by kind, robots as triangles that point where they head."""
+def scene_map(scene: Scene) -> Figure:
+    """The whole map, objects by kind."""
     width_m, height_m = scene.extent_m
-    figure = Figure(figsize=(7.2, 7.2 * height_m / width_m * 0.92), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = panels(7.2, 7.2 * height_m / width_m * 0.92)
     draw_scene(axes, scene)
-    for index, (name, pose) in enumerate((poses or {}).items()):
-        draw_robot(axes, name, pose, ROBOT_COLOURS[index % len(ROBOT_COLOURS)])
-    axes.set_xlim(-width_m / 2, width_m / 2)
-    axes.set_ylim(-height_m / 2, height_m / 2)
+    axes.set(xlim=(-width_m / 2, width_m / 2), ylim=(-height_m / 2, height_m / 2))
     _legend(axes, scene)
     axes.set_title(f"{scene.name}: {width_m:g} x {height_m:g} m, {len(scene.objects)} objects")
     return figure
@@ -50,40 +42,28 @@ def scene_map(scene: Scene, poses: Mapping[str, Pose] | None = None) -> Figure:
 def draw_scene(axes: Axes, scene: Scene) -> None:
     """Ground in its own colours, and the footprints of what stands on it."""
     draw_ground(axes, scene)
-    for obj in scene.objects:
-        if obj.solid:
-            colour = KIND_COLOURS.get(obj.kind, _OTHER_COLOUR)
-            thin = obj.kind in _THIN or obj.kind not in KIND_COLOURS
-            for part in shapely.get_parts(_plan(obj)):
-                axes.add_patch(
-                    Polygon(
-                        np.asarray(part.exterior.coords),
-                        facecolor=colour,
-                        edgecolor=colour if thin else "black",
-                        linewidth=1.6 if thin else 0.4,
-                        alpha=0.6 if obj.kind == "tree" else 1.0,
-                    )
-                )
+    for obj in (o for o in scene.objects if o.solid):
+        colour = _KIND_COLOURS.get(obj.kind, _OTHER_COLOUR)
+        thin = obj.kind in _THIN or obj.kind not in _KIND_COLOURS
+        for part in shapely.get_parts(_plan(obj)):
+            axes.fill(
+                *part.exterior.xy, facecolor=colour, edgecolor=colour if thin else "black",
+                linewidth=1.6 if thin else 0.4, alpha=0.6 if obj.kind == "tree" else 1.0,
+            )  # fmt: skip
 
 
 def draw_ground(axes: Axes, scene: Scene) -> None:
     """Ground in its own, paler colours, with axes in metres."""
-    for obj in scene.objects:
-        if not obj.solid:
-            for surface in obj.surfaces:
-                colour = surface.texture[..., :3].reshape(-1, 3).mean(axis=0) / 255
-                triangles = surface.vertices_m[surface.faces][:, :, :2]
-                axes.add_collection(
-                    PolyCollection(
-                        list(triangles),
-                        facecolors=[0.55 + 0.45 * colour],
-                        edgecolors="face",  # or the seams between triangles show
-                        linewidths=0.4,
-                    )
-                )
-    axes.set_aspect("equal")
-    axes.set_xlabel("x, east (m)")
-    axes.set_ylabel("y, north (m)")
+    for surface in (s for o in scene.objects if not o.solid for s in o.surfaces):
+        colour = surface.texture[..., :3].reshape(-1, 3).mean(axis=0) / 255
+        triangles = surface.vertices_m[surface.faces][:, :, :2]
+        axes.add_collection(
+            PolyCollection(
+                list(triangles), facecolors=[0.55 + 0.45 * colour],
+                edgecolors="face", linewidths=0.4,  # or the seams between triangles show
+            )
+        )  # fmt: skip
+    axes.set(aspect="equal", xlabel="x, east (m)", ylabel="y, north (m)")
 
 
 def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2.5) -> None:
@@ -91,31 +71,23 @@ def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2
     outline = np.array([[1.0, 0.0], [-0.6, 0.55], [-0.6, -0.55]]) * size_m
     c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
     corners = outline @ np.array([[c, s], [-s, c]]) + pose.xy_m
-    axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=6))
+    axes.fill(*corners.T, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=6)
     draw_name(axes, name, pose.xy_m, colour)
 
 
 def draw_name(axes: Axes, name: str, xy_m: NDArray[np.float64], colour: str) -> Annotation:
     """A robot's name beside a place, (2,)."""
-    return axes.annotate(
-        name,
-        (float(xy_m[0]), float(xy_m[1])),
-        xytext=(9, 7),
-        textcoords="offset points",
-        fontsize=9,
-        fontweight="bold",
-        color=colour,
-        zorder=7,
-        bbox=LABEL_BOX,
-    )
+    return label(
+        axes, name, (float(xy_m[0]), float(xy_m[1])), (9, 7), fontsize=9, fontweight="bold",
+        color=colour, zorder=7, bbox=WHITE_BOX,
+    )  # fmt: skip
 
 
 def zoom_to(axes: Axes, points_xy_m: NDArray[np.float64], margin_m: float = 8.0) -> None:
     """A square window around some points."""
     low, high = points_xy_m.min(axis=0), points_xy_m.max(axis=0)
-    centre, half = (low + high) / 2, (high - low).max() / 2 + margin_m
-    axes.set_xlim(centre[0] - half, centre[0] + half)
-    axes.set_ylim(centre[1] - half, centre[1] + half)
+    (x, y), half = (low + high) / 2, (high - low).max() / 2 + margin_m
+    axes.set(xlim=(x - half, x + half), ylim=(y - half, y + half))
 
 
 def _plan(obj: SceneObject) -> shapely.Geometry:
@@ -134,16 +106,10 @@ def _plan(obj: SceneObject) -> shapely.Geometry:
 
 def _legend(axes: Axes, scene: Scene) -> None:
     counts = scene.table[scene.table.landmark].kind.value_counts()
-    shown = [k for k in KIND_COLOURS if k in counts]
-    handles = [
-        Polygon(np.zeros((3, 2)), facecolor=KIND_COLOURS[k], label=f"{k} ({counts[k]})")
-        for k in shown
-    ]
-    rest = int(counts.drop(shown).sum())
-    if rest:
-        handles.append(
-            Polygon(np.zeros((3, 2)), facecolor=_OTHER_COLOUR, label=f"other landmarks ({rest})")
-        )
+    shown = {kind: colour for kind, colour in _KIND_COLOURS.items() if kind in counts}
+    handles = [Patch(fc=colour, label=f"{kind} ({counts[kind]})") for kind, colour in shown.items()]
+    if rest := int(counts.drop(list(shown)).sum()):
+        handles.append(Patch(fc=_OTHER_COLOUR, label=f"other landmarks ({rest})"))
     axes.legend(
         handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4, frameon=False
     )

@@ -1,5 +1,6 @@
 """How many arrive when segments of their chains are lost."""
 
+import numpy as np
 import pandas as pd
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -7,9 +8,10 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.planning.lost_segments import METHODS, PROBABILITIES, RULES
 from vrchain.experiments.planning.published_drives import AS_PUBLISHED, PUBLISHED, TO_TARGET
+from vrchain.plots.style import BLUE, RED, legend_below, panels
 
 TEAMS_SHOWN = (10, 40, 90)
-_COLOURS = dict(zip(METHODS, ("#7a8694", "#c9a227", "#0072B2", "#D55E00", "#c2185b"), strict=True))
+_COLOURS = dict(zip(METHODS, ("#7a8694", "#c9a227", BLUE, RED, "#c2185b"), strict=True))
 _DASHED = METHODS[:2]  # without spares
 _RULES = {
     "drive": "lost anew at each drive,\n40 robots",
@@ -21,35 +23,31 @@ def planning_figure(shares: pd.DataFrame, teams: pd.DataFrame) -> Figure:
     """Share that arrives over the probability of a loss.
 
     First row, of ``published_drives.by_team``: one drive, a column a size of team, beside the
-    published shares. Then, of ``planning.shares``: a row a rule, a column a drive more. Bars: 95 %
-    interval of ours.
+    published shares. Then, of ``lost_segments.shares``: a row a rule, a column a drive more.
+    Bars: 95 % interval of ours.
     """
     drives = sorted(shares.drives.unique())[:3]
-    figure = Figure(figsize=(10.2, 10.2), layout="constrained")
-    panels = figure.subplots(1 + len(RULES), len(drives), sharey=True)
-    for axes, robots in zip(panels[0], TEAMS_SHOWN, strict=True):
+    figure, (first, *rest) = panels(10.2, 10.2, 1 + len(RULES), len(drives), sharey=True)
+    for axes, robots in zip(first, TEAMS_SHOWN, strict=True):
         _published_panel(axes, teams[teams.robots == robots], robots)
         axes.set_title(f"1 drive, {robots} robots", fontsize=10)
-    panels[0, -1].text(
+    first[-1].text(
         0.97, 0.97, "above the line: many of these drives\ndid not end at the target",
-        transform=panels[0, -1].transAxes, ha="right", va="top", fontsize=8,
+        transform=first[-1].transAxes, ha="right", va="top", fontsize=8,
         color=_COLOURS["shortened chain, robust"],
     )  # fmt: skip
-    panels[0, 0].set_ylabel("share that arrives\nlost anew at each drive")
-    for row, rule in zip(panels[1:], RULES, strict=True):
+    first[0].set_ylabel("share that arrives\nlost anew at each drive")
+    for row, rule in zip(rest, RULES, strict=True):
         for axes, most in zip(row, drives, strict=True):
             _panel(axes, shares[(shares.rule == rule) & (shares.drives == most)])
             axes.set_title(f"{most} drive{'s' if most > 1 else ''}", fontsize=10)
         row[0].set_ylabel(f"share that arrives\n{_RULES[rule]}")
-    for axes in panels[-1]:
+    for axes in rest[-1]:
         axes.set_xlabel("probability p that a landmark is lost")
     handles: dict[str, Artist] = {}
-    for axes in (panels[0, 0], panels[-1, -1]):
-        for handle, label in zip(*axes.get_legend_handles_labels(), strict=True):
-            handles.setdefault(label, handle)
-    figure.legend(
-        list(handles.values()), list(handles), loc="outside lower center", ncols=3, frameon=False
-    )
+    for line in (*first[0].lines, *rest[-1][-1].lines):
+        handles.setdefault(line.get_label(), line)
+    legend_below(figure, handles.values(), 3)
     figure.suptitle(
         "Chains planned and driven while landmarks get lost, and planned again\n"
         "(lines that are not dotted: every path ends at the target)"
@@ -60,23 +58,16 @@ def planning_figure(shares: pd.DataFrame, teams: pd.DataFrame) -> Figure:
 def _published_panel(axes: Axes, teams: pd.DataFrame, robots: int) -> None:
     for method, published in PUBLISHED.items():
         colour = _COLOURS[method]
-        axes.plot(
-            published.index, published[robots], "s", ms=4.5, mfc="none", color=colour,
-            label=f"{method}: published",
-        )  # fmt: skip
+        shares, name = published[robots], f"{method}: published"
+        axes.plot(shares.index, shares, "s", ms=4.5, mfc="none", color=colour, label=name)
         line = teams[(teams.rule == AS_PUBLISHED) & (teams.method == method)]
-        axes.plot(
-            line.p, line.arrives, ":", color=colour, label=f"{method}: as published, run here"
-        )
+        again = f"{method}: as published, run here"
+        axes.plot(line.p, line.arrives, ":", color=colour, label=again)
     reached = teams[teams.rule == TO_TARGET]
-    for method in PUBLISHED:
+    for method in (*PUBLISHED, METHODS[-1]):
         _line(axes, reached, method)
-    _line(axes, reached, METHODS[-1])
-    p = sorted(reached.p)
-    axes.plot(
-        p, [1 - 100 * x / 101 for x in p], "-", color="black", lw=0.8, zorder=2,
-        label="most that a path to the target can reach",
-    )  # fmt: skip
+    p, most = np.unique(reached.p), "most that a path to the target can reach"
+    axes.plot(p, 1 - 100 * p / 101, "-", color="black", lw=0.8, zorder=2, label=most)
     axes.grid(alpha=0.3)
 
 

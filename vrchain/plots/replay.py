@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from vrchain.navigation.settings import Decision
-from vrchain.plots.maps import ROBOT_COLOURS, draw_name
-from vrchain.plots.mission import Row, chain_rows, draw_row, draw_stage
+from vrchain.plots.maps import draw_name
+from vrchain.plots.missions import Row, chain_rows, draw_row, draw_stage
+from vrchain.plots.style import robot_colour
 from vrchain.simulation.mission import MissionRun
 
 _DPI, _HEIGHT_IN, _MAP_IN, _BESIDE_IN = 80, 6.0, 5.8, 7.2
@@ -77,7 +78,7 @@ def _map(run: MissionRun) -> Callable[[float], Pixels]:
     axes.set_title("from above, as the simulator knows it: no robot has this map", fontsize=10)
     ways, names = [], []
     for i, (name, path) in enumerate(run.paths_xy_m.items()):
-        colour = ROBOT_COLOURS[i % len(ROBOT_COLOURS)]
+        colour = robot_colour(i)
         ways += axes.plot(*path.T, "o-", color=colour, mec="white", ms=9, lw=2, animated=True)
         names.append(draw_name(axes, name, path[0], colour))
         names[-1].set_animated(True)

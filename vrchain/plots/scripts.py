@@ -21,7 +21,9 @@ from vrchain.plots.save import save_figure
 
 TIMED = ("flood",)  # measures times when it is drawn, so it is drawn alone
 
-Draw = Callable[[Results], tuple[Figure, pd.DataFrame]]
+Drawn = tuple[Figure, pd.DataFrame]
+"""A figure, and the table of what it shows."""
+Draw = Callable[[Results], Drawn]
 
 
 class FigureError(VRChainError):

@@ -2,18 +2,14 @@
 
 import json
 import os
-import shutil
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
-import numpy as np
 import pandas as pd
 import pytest
 from conftest import SAID
-from worlds import in_two_processes, walled, world, yard
 
-from vrchain.errors import MissionError
 from vrchain.experiments.landmarks.bands import VARIANTS
 from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
 from vrchain.experiments.reproduction import stages as reproduction
@@ -31,7 +27,6 @@ from vrchain.experiments.reproduction.stages import reproduce
 from vrchain.landmarks.matching.common import common_landmarks
 from vrchain.ledger import Ledger, verify
 from vrchain.panorama import Panorama
-from vrchain.simulation.survey import start_poses, survey
 
 
 @pytest.fixture(scope="module")
@@ -63,18 +58,6 @@ def test_the_survey_is_in_its_ledger(results: Results) -> None:
         assert transaction.timestamp_ns == round(last.time_s * 1e9)
 
 
-def test_any_changed_byte_of_the_survey_is_found(results: Results, tmp_path: Path) -> None:
-    folder = tmp_path / "ledger"
-    shutil.copytree(results.path("survey", "ledger"), folder)
-    digest = results.table("survey", "survey").digest[7]
-    blob = folder / "blobs" / digest
-    content = bytearray(blob.read_bytes())
-    content[len(content) // 3] ^= 4
-    blob.write_bytes(content)
-    found = verify(folder)
-    assert (found.ok, found.first_bad_block) == (False, 8)  # block 0 is the genesis
-
-
 def test_updates_publish_what_the_survey_saw_in_turn(results: Results) -> None:
     surveyed = results.table("survey", "survey")
     for n, table in results.updates().items():
@@ -90,10 +73,10 @@ def test_updates_publish_what_the_survey_saw_in_turn(results: Results) -> None:
 def test_retrieval_has_every_way_for_every_number_of_positions(results: Results) -> None:
     for n, table in results.retrievals().items():
         for way in RETRIEVALS:
-            of = table[table.way == way]
-            every = range(1, n + 1)
-            spread = list(every) if n <= 10 or way != "common_landmark" else of.position
-            assert list(of.position) == list(spread)
+            positions = table[table.way == way].position
+            assert list(positions) == list(range(1, n + 1)) or (
+                way == "common_landmark" and n > 10 and len(positions) == 10
+            )
     steps = results.table("retrieval", "vision")
     assert list(steps.step) == ["render", "encode", "decode", "extract", "compare"] * 2
     assert steps.rig.nunique() == 2
@@ -169,16 +152,16 @@ def write(name: str, results: Results, folder: Path) -> str:
     return f"wrote {name}"
 
 
-def writing(name: str) -> reproduction.Stage:
-    return partial(write, name)
-
-
 def failing(results: Results, folder: Path) -> str:
     (folder / "half").write_text("written")
     raise RuntimeError("broke off")
 
 
-LIGHT = {name: writing(name) for name in ("survey", "update", "retrieval")}
+def quiet(line: str) -> None:
+    pass
+
+
+LIGHT = {name: partial(write, name) for name in ("survey", "update", "retrieval")}
 
 
 @pytest.fixture
@@ -213,9 +196,9 @@ def test_an_unknown_stage_or_profile_is_named_with_those_there_are(empty: Result
 
 
 def test_a_stage_that_breaks_off_leaves_the_earlier_result(empty: Results) -> None:
-    reproduce(empty, (), LIGHT, lambda line: None)
+    reproduce(empty, (), LIGHT, quiet)
     with pytest.raises(RuntimeError, match="broke off"):
-        reproduce(empty, ["update"], {**LIGHT, "update": failing}, lambda line: None)
+        reproduce(empty, ["update"], {**LIGHT, "update": failing}, quiet)
     assert sorted(p.name for p in empty.folder.iterdir()) == ["retrieval", "survey", "update"]
     assert empty.path("update", "result").read_text() == "update"
 
@@ -225,29 +208,24 @@ def test_stages_run_at_once_are_told_in_their_order_and_leave_all_or_nothing(
 ) -> None:
     said: list[str] = []
     names = ("survey", "update", "mission")
-    reproduce(empty, (), {name: writing(name) for name in names}, said.append, jobs=2)
+    reproduce(empty, (), {name: partial(write, name) for name in names}, said.append, jobs=2)
     assert [line.split()[0] for line in said] == list(names)
     assert all(empty.path(name, "result").read_text() == name for name in names)
     survey, update, mission = (empty.path(name, "process").read_text() for name in names)
     assert survey != mission and str(os.getpid()) == update not in (survey, mission)
     other = Results(empty.profile, empty.build / "other")
     with pytest.raises(RuntimeError, match="broke off"):
-        reproduce(other, (), {"survey": writing("survey"), "mission": failing}, said.append)
+        reproduce(other, (), {"survey": partial(write, "survey"), "mission": failing}, said.append)
     assert list(other.folder.iterdir()) == [] and len(said) == 3
 
 
 def test_without_names_everything_is_made_anew(empty: Results) -> None:
-    reproduce(empty, (), LIGHT, lambda line: None)
+    reproduce(empty, (), LIGHT, quiet)
     (empty.folder / "survey" / "stale").touch()
-    reproduce(empty, (), LIGHT, lambda line: None)
-    assert not (empty.folder / "survey" / "stale").exists()
-
-
-def test_results_of_another_size_do_not_count(empty: Results) -> None:
-    reproduce(empty, (), LIGHT, lambda line: None)
-    larger = Results(replace(empty.profile, positions=(4, 8, 14)), empty.build)
-    assert empty.has("survey") and not larger.has("survey")
-    assert (empty.folder / "survey" / MARKER).is_file()
+    reproduce(empty, (), LIGHT, quiet)
+    assert sorted(p.name for p in (empty.folder / "survey").iterdir()) == [
+        "process", "result", MARKER,
+    ]  # fmt: skip
 
 
 def test_results_of_other_code_are_taken_and_told_of(
@@ -266,8 +244,12 @@ def test_results_of_other_code_are_taken_and_told_of(
 
 
 @pytest.mark.parametrize("text", ["", "[]", '{"profile": 1}'])
-def test_a_marker_that_says_nothing_is_none(empty: Results, text: str) -> None:
-    reproduce(empty, ["survey"], LIGHT, lambda line: None)
+def test_results_of_another_size_or_without_a_good_marker_do_not_count(
+    empty: Results, text: str
+) -> None:
+    reproduce(empty, ["survey"], LIGHT, quiet)
+    larger = Results(replace(empty.profile, positions=(4, 8, 14)), empty.build)
+    assert empty.has("survey") and not larger.has("survey")
     (empty.folder / "survey" / MARKER).write_text(text)
     assert not empty.has("survey")
 
@@ -281,49 +263,9 @@ def test_profiles_are_as_the_paper_has_it() -> None:
 
 
 def test_pairs_are_each_of_r1s_positions_with_the_nearest_of_r2s() -> None:
-    table = pd.DataFrame(
-        {
-            "robot": ["R1", "R2", "R1", "R2", "R1"],
-            "x_m": [0.0, 1.0, 5.0, 12.0, 60.0],
-            "y_m": 0.0,
-        }
-    )
+    robots, x_m = ["R1", "R2", "R1", "R2", "R1"], [0.0, 1.0, 5.0, 12.0, 60.0]
+    table = pd.DataFrame({"robot": robots, "x_m": x_m, "y_m": 0.0})
     # nearer than 2 m does not count, farther than 20 m neither
     assert reproduction._team_pairs(table, 10) == [(0, 3), (2, 1)]
     assert reproduction._team_pairs(table, 1) == [(0, 3)]
     assert reproduction._team_pairs(table[:2], 10) == []
-
-
-def test_a_survey_shares_positions_out_evenly(tmp_path: Path) -> None:
-    with pytest.raises(MissionError, match="3 positions cannot be shared out to 2 robots"):
-        survey(world(), tmp_path / "ledger", 3)
-    assert not (tmp_path / "ledger").exists()
-
-
-def test_a_team_starts_together_and_apart() -> None:
-    for seed in range(20):
-        poses = list(start_poses(yard(), ["R1", "R2", "R3"], seed).values())
-        away_m = [poses[0].distance_to_m(pose.xy_m) for pose in poses[1:]]
-        assert min(away_m) >= 8.0 and max(away_m) <= 20.0
-        assert poses[1].distance_to_m(poses[2].xy_m) >= 8.0
-        assert yard().is_free([pose.xy_m for pose in poses], 2.0).all()
-    assert not np.allclose(poses[0].xy_m, start_poses(yard(), ["R1"], 99)["R1"].xy_m)
-    with pytest.raises(MissionError, match="no room for 40 robots"):
-        start_poses(walled(), [f"R{i}" for i in range(40)], 0)
-
-
-@pytest.mark.slow
-def test_the_same_seed_surveys_the_same_ledger() -> None:
-    code = """
-import json, tempfile
-from pathlib import Path
-from vrchain.simulation.survey import survey
-from vrchain.ledger import Ledger
-from worlds import SMALL_RIG, yard
-with tempfile.TemporaryDirectory() as folder:
-    table = survey(yard(), Path(folder) / "ledger", 8, seed=3000, rig=SMALL_RIG)
-    with Ledger.open(Path(folder) / "ledger") as ledger:
-        print(json.dumps([ledger.head.hash.hex(), table.to_csv()]))
-"""
-    first, second = in_two_processes(code)
-    assert first == second

@@ -11,8 +11,8 @@ import hashlib
 import json
 import os
 import sqlite3
-from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from abc import abstractmethod
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -155,7 +155,7 @@ class MemoryLedger:
         os.sync()
 
 
-class Layout(ABC):
+class Layout(Closing):
     """Another way to lay out a ledger: a list of blocks, and the file ``path`` of them all."""
 
     def __init__(self, path: Path) -> None:
@@ -270,27 +270,26 @@ def _json(value: object) -> bytes:
     return json.dumps(value, sort_keys=True, separators=(",", ":")).encode()
 
 
-class VerificationLimit:
-    """All hashes and signatures of a ledger, laid ready: what verifying it cannot do without."""
+def verification_limit(ledger: MemoryLedger) -> Callable[[object], None]:
+    """Does all hashes and signatures of a ledger: what verifying it cannot do without."""
+    keys = {**ledger.chain.members, OPERATOR: ledger.chain.genesis.operator}
+    public = {name: Ed25519PublicKey.from_public_bytes(key.raw) for name, key in keys.items()}
+    signed = [
+        (public[signer], record)
+        for block, records in ledger.entries
+        for signer, record in (
+            (block.author, block),
+            *((r.robot if isinstance(r, Transaction) else OPERATOR, r) for r in records),
+        )
+    ]
+    checks = [(key.verify, record.signature, record.body) for key, record in signed]
+    hashed = [*ledger.blobs.values(), *(record.record for _, record in signed)]
 
-    def __init__(self, ledger: MemoryLedger) -> None:
-        keys = {**ledger.chain.members, OPERATOR: ledger.chain.genesis.operator}
-        public = {name: Ed25519PublicKey.from_public_bytes(key.raw) for name, key in keys.items()}
-        signed = [
-            (public[signer], record)
-            for block, records in ledger.entries
-            for signer, record in (
-                (block.author, block),
-                *((r.robot if isinstance(r, Transaction) else OPERATOR, r) for r in records),
-            )
-        ]
-        self._signed = [(key.verify, record.signature, record.body) for key, record in signed]
-        self._hashed = [*ledger.blobs.values(), *(record.record for _, record in signed)]
-
-    def __call__(self, _: object) -> None:
-        """Do them all."""
+    def do_all(_: object) -> None:
         sha256 = hashlib.sha256
-        for data in self._hashed:
+        for data in hashed:
             sha256(data).digest()
-        for accept, signature, body in self._signed:
+        for accept, signature, body in checks:
             accept(signature, body)
+
+    return do_all

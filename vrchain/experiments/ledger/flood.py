@@ -27,7 +27,8 @@ from tqdm.auto import tqdm
 from vrchain.errors import LedgerError
 from vrchain.experiments.intervals import interval, resampled
 from vrchain.experiments.ledger.flooder import FLOODER, FLOODS, Flooder, following
-from vrchain.ledger import OPERATOR, Ledger, Limits, Transaction, simulated_key, verify
+from vrchain.experiments.ledger.stores import create_ledger
+from vrchain.ledger import Ledger, Limits, Transaction, simulated_key, verify
 from vrchain.ledger.network.gate import Gate, receive_answer
 from vrchain.ledger.network.wire import send
 from vrchain.seeding import generator
@@ -65,17 +66,9 @@ class FloodConfig:
         """Those of a gate in a phase."""
         if condition not in UNLIMITED:
             return self.limits
-        return replace(
-            self.limits,
-            rate_per_s=_NO_LIMIT,
-            burst=_NO_LIMIT,
-            rate_bytes_per_s=_NO_LIMIT,
-            burst_bytes=_NO_LIMIT,
-            sender_messages_per_s=_NO_LIMIT,
-            sender_burst=_NO_LIMIT,
-            sender_bytes_per_s=_NO_LIMIT,
-            sender_burst_bytes=_NO_LIMIT,
-        )
+        rates = ("rate_per_s", "rate_bytes_per_s", "sender_messages_per_s", "sender_bytes_per_s")
+        bursts = ("burst", "burst_bytes", "sender_burst", "sender_burst_bytes")
+        return replace(self.limits, **dict.fromkeys((*rates, *bursts), _NO_LIMIT))
 
 
 class Measured(NamedTuple):
@@ -92,19 +85,14 @@ class Measured(NamedTuple):
     floods: pd.DataFrame
 
 
-def flood(
-    config: FloodConfig,
-    conditions: Sequence[str] = CONDITIONS,
-    folder: Path | None = None,
-) -> Measured:
+def flood(config: FloodConfig, conditions: Sequence[str] = CONDITIONS) -> Measured:
     """Phases without a flood and with each kind, in an order that is drawn anew in each round.
 
-    The ledgers are made, and removed, in ``folder`` (the system's temporary one). Raises
-    LedgerError for an unknown condition or if a ledger does not verify afterwards.
+    The ledgers are made, and removed, in the system's folder of temporary files. Raises LedgerError
+    for an unknown condition or if a ledger does not verify afterwards.
     """
-    for condition in conditions:
-        if condition not in CONDITIONS:
-            raise LedgerError(f"expected a flood of {'; '.join(CONDITIONS)}; got {condition!r}")
+    if unknown := [condition for condition in conditions if condition not in CONDITIONS]:
+        raise LedgerError(f"expected a flood of {'; '.join(CONDITIONS)}; got {unknown[0]!r}")
     if config.rounds < 1 or config.robots < 1:
         raise LedgerError(
             f"expected 1 round and 1 robot or more, got {config.rounds} and {config.robots}"
@@ -116,20 +104,17 @@ def flood(
         )
     draws = generator(config.seed, "flood", "order")
     works, floods = list[pd.DataFrame](), list[dict[str, object]]()
-    with (
-        _child(_run_gate) as gate,
-        _child(_run_flooder) as flooder,
-        tqdm(
-            total=config.rounds * (1 + len(conditions)), desc="phases", unit="", disable=None
-        ) as bar,
-    ):
-        for turn in range(config.rounds):
-            for condition in map(str, draws.permutation([QUIET, *conditions])):
-                with tempfile.TemporaryDirectory(dir=folder) as scratch:
-                    work, counts = _phase(config, condition, turn, Path(scratch), gate, flooder)
-                works.append(work.assign(condition=condition, round=turn))
-                floods.append({"condition": condition, "round": turn, **counts})
-                bar.update()
+    phases = [
+        (turn, str(condition))
+        for turn in range(config.rounds)
+        for condition in draws.permutation([QUIET, *conditions])
+    ]
+    with _child(_run_gate) as gate, _child(_run_flooder) as flooder:
+        for turn, condition in tqdm(phases, desc="phases", unit="", disable=None):
+            with tempfile.TemporaryDirectory() as scratch:
+                work, counts = _phase(config, condition, turn, Path(scratch), gate, flooder)
+            works.append(work.assign(condition=condition, round=turn))
+            floods.append({"condition": condition, "round": turn, **counts})
     return Measured(pd.concat(works, ignore_index=True), pd.DataFrame(floods).fillna(0))
 
 
@@ -196,13 +181,15 @@ def _phase(
 ) -> tuple[pd.DataFrame, dict[str, object]]:
     """The honest robots' rows, and the flood's counts."""
     folder, address = scratch / "ledger", str(scratch / "gate")
-    everybody = (*config.names, GATE, FLOODER)
-    members = {name: simulated_key(config.seed, name).public for name in everybody}
-    Ledger.create(folder, members, simulated_key(config.seed, OPERATOR)).close()
+    ledger, _ = create_ledger(folder, (*config.names, GATE, FLOODER), config.seed)
+    ledger.close()
     gate.send((folder, address, config, condition))
     gate.recv()
     with ExitStack() as stack, ThreadPoolExecutor(config.robots) as pool:
-        connections = [stack.enter_context(_connect(address)) for _ in config.names]
+        connections = [stack.enter_context(socket.socket(socket.AF_UNIX)) for _ in config.names]
+        for connection in connections:
+            connection.settimeout(30.0)
+            connection.connect(address)
         start_ns = time.monotonic_ns() + 50_000_000
         until_ns = start_ns + round(config.phase_s * 1e9)
         flooder.send((folder, address, config, condition, until_ns))
@@ -242,16 +229,13 @@ def _work(
         if due_ns >= until_ns:
             return rows
         payload = draws.bytes(config.payload_bytes)
-        draft = following(first, last, payload)
-        transaction = draft.signed(key)
+        transaction = following(first, last, payload).signed(key)
         time.sleep(max(0, due_ns - time.monotonic_ns()) / 1e9)
         send(connection, [transaction.record, payload])
         answer = receive_answer(connection)
         done_ns = time.monotonic_ns()
-        if answer.reason:
-            latency_us = float("nan")
-        else:
-            latency_us, last = (done_ns - due_ns) / 1e3, transaction
+        latency_us = float("nan") if answer.reason else (done_ns - due_ns) / 1e3
+        last = last if answer.reason else transaction
         rows.append({"robot": robot, "latency_us": latency_us, "refused": answer.kind})
     raise AssertionError
 
@@ -286,14 +270,9 @@ def _run_flooder(pipe: Connection) -> None:
         if condition != QUIET:
             with Ledger.open(folder) as ledger:
                 flooder = Flooder(
-                    condition.partition(",")[0],
-                    address,
-                    ledger,
-                    config.names,
-                    config.payload_bytes,
-                    config.limits,
-                    config.seed,
-                )
+                    condition.partition(",")[0], address, ledger, config.names,
+                    config.payload_bytes, config.limits, config.seed,
+                )  # fmt: skip
                 flooder.run(until_ns)
                 sent = {"sent": flooder.sent, "sent_bytes": flooder.sent_bytes}
         pipe.send(sent)
@@ -317,14 +296,3 @@ def _child(target: Callable[[Connection], None]) -> Iterator[Connection]:
         process.kill()
         process.join()
         ours.close()
-
-
-def _connect(address: str) -> socket.socket:
-    connection = socket.socket(socket.AF_UNIX)
-    connection.settimeout(30.0)
-    try:
-        connection.connect(address)
-    except OSError:
-        connection.close()
-        raise
-    return connection

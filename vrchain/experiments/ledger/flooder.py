@@ -8,7 +8,7 @@ import struct
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from select import select
 
 from vrchain.ledger import Ledger, Limits, Transaction, simulated_key
@@ -30,30 +30,28 @@ def following(first: Transaction, last: Transaction | None, payload: bytes) -> T
     return draft if last is None else replace(draft, sequence=last.sequence + 1, previous=last.id)
 
 
+@dataclass
 class Flooder:
     """A member that floods. ``robots``: the others, in whose names too it forges.
 
     ``flood``: one of ``FLOODS``. ``limits``: the gate's; what is oversized is larger than those.
     """
 
-    def __init__(
-        self,
-        flood: str,
-        address: str,
-        ledger: Ledger,
-        robots: Sequence[str],
-        payload_bytes: int,
-        limits: Limits,
-        seed: int,
-    ) -> None:
-        self._flood, self._address, self._ledger = flood, address, ledger
-        self._robots, self._limits = robots, limits
-        self._key, self._nobody = (simulated_key(seed, name) for name in (FLOODER, "nobody"))
-        self._payload = generator(seed, FLOODER).bytes(payload_bytes)
-        self._messages: Iterator[bytes] = getattr(self, f"_{flood}")()
+    flood: str
+    address: str
+    ledger: Ledger
+    robots: Sequence[str]
+    payload_bytes: int
+    limits: Limits
+    seed: int
+
+    def __post_init__(self) -> None:
+        self.sent = self.sent_bytes = 0
+        self._key, self._nobody = (simulated_key(self.seed, name) for name in (FLOODER, "nobody"))
+        self._payload = generator(self.seed, FLOODER).bytes(self.payload_bytes)
+        self._messages: Iterator[bytes] = getattr(self, f"_{self.flood}")()
         self._chain: list[Transaction] = []  # that it has signed, admitted or not
         self._place = 0  # of the one to send next
-        self.sent = self.sent_bytes = 0
 
     def run(self, until_ns: int) -> None:
         """Flood until then. A gate that ends the connection is called again."""
@@ -62,7 +60,7 @@ class Flooder:
                 # It waits for room in the queue of arrivals; Python's timeouts would make it spin,
                 # which only takes the processor from the robots that run on the same machine.
                 connection.setsockopt(socket.SOL_SOCKET, socket.SO_SNDTIMEO, _TENTH_OF_A_SECOND)
-                connection.connect(self._address)
+                connection.connect(self.address)
                 connection.setblocking(False)
                 self._run(connection, until_ns)
 
@@ -83,7 +81,7 @@ class Flooder:
                 self.sent_bytes += count
                 unsent = unsent[count:]
                 self.sent += not unsent
-                if not unsent and self._flood == "reconnecting":
+                if not unsent and self.flood == "reconnecting":
                     return
 
     def _heed(self, answer: Answer) -> None:
@@ -96,7 +94,7 @@ class Flooder:
 
     def _valid(self) -> Iterator[bytes]:
         """Good transactions, each after the one before, again from the first that is refused."""
-        first = self._ledger.draft_transaction(FLOODER, b"", "time", 0)
+        first = self.ledger.draft_transaction(FLOODER, b"", "time", 0)
         while True:
             if self._place == len(self._chain):
                 last = self._chain[-1] if self._chain else None
@@ -107,20 +105,20 @@ class Flooder:
     def _forged(self) -> Iterator[bytes]:
         """What would be everybody's next transactions, its own too, but for the signatures."""
         while True:
-            self._ledger.refresh()
+            self.ledger.refresh()
             known_ns = time.monotonic_ns()
             while time.monotonic_ns() - known_ns < _NEWS_NS:
-                for robot in (*self._robots, FLOODER):
-                    draft = self._ledger.draft_transaction(robot, b"x", "time", time.time_ns())
+                for robot in (*self.robots, FLOODER):
+                    draft = self.ledger.draft_transaction(robot, b"x", "time", time.time_ns())
                     yield pack([draft.signed(self._nobody).record, b"x"])
 
     _reconnecting = _forged
 
     def _oversized(self) -> Iterator[bytes]:
         """Good transactions with blobs that are too large, and records that are, in turn."""
-        limits = self._limits
+        limits = self.limits
         blob = bytes(limits.blob_bytes + limits.record_bytes)
-        draft = self._ledger.draft_transaction(FLOODER, blob, "time", time.time_ns())
+        draft = self.ledger.draft_transaction(FLOODER, blob, "time", time.time_ns())
         large_blob = pack([draft.signed(self._key).record, blob])
         large_record = pack([bytes(limits.record_bytes + 1), b"x"])
         while True:

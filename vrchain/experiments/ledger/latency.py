@@ -4,9 +4,8 @@ Durations come from ``perf_counter_ns`` and never enter a ledger. Rendering, ima
 landmark extraction are no part of an update: payloads come in as bytes.
 """
 
-import contextlib
 import itertools
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from time import perf_counter_ns
 
@@ -15,20 +14,12 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.stores import create_ledger
 from vrchain.experiments.stopwatch import Stopwatch, elapsed_us, sample_us
-from vrchain.ledger import Ledger, SigningKey, Transaction, simulated_key
+from vrchain.ledger import Ledger, Transaction
 from vrchain.ledger.network.peer import PeerProcess
-from vrchain.ledger.records.membership import OPERATOR
 
-STAGES = (
-    "encode",
-    "hash",
-    "sign",
-    "validate",
-    "append_memory",
-    "append_durable",
-    "transmit",
-)
+STAGES = ("encode", "hash", "sign", "validate", "append_memory", "append_durable", "transmit")
 RETRIEVALS = ("newest_transaction", "panorama", "common_landmark")
 STEP_NS = 1_000_000_000  # the simulated time between two positions
 
@@ -58,10 +49,8 @@ def update_latency(
     """
     rows = []
     stopwatch = Stopwatch()
-    with (
-        _new_ledger(folder, robots, seed) as (ledger, keys),
-        PeerProcess(ledger.entry(0)) as peer,
-    ):
+    made, keys = create_ledger(Path(folder), robots, seed)
+    with made as ledger, PeerProcess(ledger.entry(0)) as peer:
         for number, payload in enumerate(tqdm(payloads, desc="updates", unit="", disable=None)):
             position, turn = divmod(number, len(robots))
             robot = robots[turn]
@@ -75,11 +64,17 @@ def update_latency(
             total_us = (perf_counter_ns() - start_ns) / 1e3
             if acknowledged != ledger.head.hash:
                 raise LedgerError("the other robot's process came to another head than the ledger")
-            stages = {f"{stage}_us": stopwatch.us(stage) for stage in STAGES}
-            row = {"position": position, "robot": robot, "payload_bytes": len(payload)}
-            rows.append({**row, **stages, "total_us": total_us})
+            stages_us = map(stopwatch.us, STAGES)
+            rows.append((position, robot, len(payload), *stages_us, total_us))
     columns = ["position", "robot", "payload_bytes", *(f"{s}_us" for s in STAGES), "total_us"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def stage_quartiles(updates: Mapping[int, pd.DataFrame]) -> pd.DataFrame:
+    """Of ``update_latency`` by number of positions: positions, quantile, each stage, total_us."""
+    columns = [*(f"{stage}_us" for stage in STAGES), "total_us"]
+    quartiles = {n: table[columns].quantile([0.25, 0.5, 0.75]) for n, table in updates.items()}
+    return pd.concat(quartiles, names=["positions", "quantile"]).reset_index()
 
 
 def retrieval_latency(
@@ -107,9 +102,8 @@ def retrieval_latency(
         for record in entry.records
         if isinstance(record, Transaction) and record.robot in robots
     ]
-    for robot in robots:
-        if robot not in {transaction.robot for transaction in published}:
-            raise LedgerError(f"expected every robot to have published, but {robot} has not")
+    if silent := set(robots) - {transaction.robot for transaction in published}:
+        raise LedgerError(f"expected every robot to have published, but {min(silent)} has not")
     every = range(len(published))
     ways: dict[str, tuple[Callable[[int], Callable[[], object]], int, Sequence[int]]] = {
         "newest_transaction": (lambda k: _newest(ledger, published[k].robot), 1000, every),
@@ -124,11 +118,8 @@ def retrieval_latency(
     for way, (retrieval, calls, positions) in ways.items():
         retrieval(positions[-1])()
         for k in positions:
-            time_us = elapsed_us(retrieval(k), calls)
-            rows.append(
-                {"way": way, "robot": published[k].robot, "position": k + 1, "time_us": time_us}
-            )
-    return pd.DataFrame(rows)
+            rows.append((way, published[k].robot, k + 1, elapsed_us(retrieval(k), calls)))
+    return pd.DataFrame(rows, columns=["way", "robot", "position", "time_us"])
 
 
 def throughput(
@@ -147,14 +138,15 @@ def throughput(
     if not payloads:
         raise LedgerError("expected at least one payload to measure throughput, got none")
     turns = list(zip(payloads, itertools.cycle(robots), strict=False))
-    with _new_ledger(folder, robots, seed) as (ledger, keys):
+    made, keys = create_ledger(Path(folder), robots, seed)
+    with made as ledger:
         start_ns = perf_counter_ns()
         for number, (payload, robot) in enumerate(turns):
             ledger.publish(robot, keys[robot], payload, "distance", number * STEP_NS)
         updates_s = (perf_counter_ns() - start_ns) / 1e9
         history = ledger.history(robots[0])
-        newest_us = sample_us(_newest(ledger, robots[0]), n_retrievals, 1)[0]
-        panorama_us = sample_us(_panoramas(ledger, history), n_retrievals, 1)[0]
+        (newest_us,) = sample_us(_newest(ledger, robots[0]), n_retrievals, 1)
+        (panorama_us,) = sample_us(_panoramas(ledger, history), n_retrievals, 1)
     row = {
         "n_updates": len(turns),
         "payload_bytes": float(np.mean([len(payload) for payload in payloads])),
@@ -164,16 +156,6 @@ def throughput(
         "panoramas_per_s": 1e6 / panorama_us,
     }
     return pd.DataFrame([row])
-
-
-@contextlib.contextmanager
-def _new_ledger(
-    folder: str | Path, robots: Sequence[str], seed: int
-) -> Iterator[tuple[Ledger, dict[str, SigningKey]]]:
-    keys = {robot: simulated_key(seed, robot) for robot in robots}
-    members = {robot: key.public for robot, key in keys.items()}
-    with Ledger.create(folder, members, simulated_key(seed, OPERATOR)) as ledger:
-        yield ledger, keys
 
 
 def _newest(ledger: Ledger, robot: str) -> Callable[[], object]:

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import pandas as pd
 
-from vrchain.ledger import Ledger, Offer, SigningKey, Transaction, simulated_key
-from vrchain.ledger.records.membership import OPERATOR
+from vrchain.experiments.ledger.stores import create_ledger
+from vrchain.ledger import OPERATOR, Ledger, Offer, Transaction
 from vrchain.seeding import generator
 
 LIMIT_BYTES = 2_000_000_000
@@ -33,8 +33,6 @@ def ledger_sizes(
     positions: Sequence[int],
     robots: Sequence[int],
     payload_bytes: int,
-    *,
-    seed: int = 0,
     limit_bytes: int = LIMIT_BYTES,
 ) -> pd.DataFrame:
     """Sizes at each number of positions, published by the robots in turn; one row a ledger.
@@ -44,17 +42,17 @@ def ledger_sizes(
     panorama_bytes is what the panoramas that the layout holds have when each is counted once,
     size_bytes all that it has in files, computed whether these were added up instead of written.
     """
-    rows: list[tuple[str, int, int, int, int, bool]] = []
+    rows: list[tuple[object, ...]] = []
     with tempfile.TemporaryDirectory(prefix="vrchain-sizes-") as name:
         folder = Path(name)
         for n_robots in robots:
             own = folder / f"robots {n_robots}"
-            grown = _grow(own, positions, n_robots, payload_bytes, seed)
+            grown = _grow(own, positions, n_robots, payload_bytes)
             rows += [("one a block", n_robots, *row, False) for row in grown]
             inline = _inline(own, positions, payload_bytes, folder / "inline", limit_bytes)
             rows += [("inline", n_robots, *row) for row in inline]
         for layout, together, keep in (("several a block", TOGETHER, 0), ("retention", 1, KEEP)):
-            grown = _grow(folder / layout, positions, TEAM, payload_bytes, seed, together, keep)
+            grown = _grow(folder / layout, positions, TEAM, payload_bytes, together, keep)
             rows += [(layout, TEAM, *row, False) for row in grown]
     return pd.DataFrame(rows, columns=COLUMNS)
 
@@ -64,7 +62,6 @@ def _grow(
     positions: Sequence[int],
     n_robots: int,
     payload_bytes: int,
-    seed: int,
     together: int = 1,
     keep: int = 0,
 ) -> Iterator[tuple[int, int, int]]:
@@ -73,30 +70,26 @@ def _grow(
     ``together``: transactions in a block. ``keep``: panoramas a robot that a drop leaves after
     each round of the robots, 0 for no drops.
     """
-    keys = {f"R{number}": simulated_key(seed, f"R{number}") for number in range(1, n_robots + 1)}
-    operator = simulated_key(seed, OPERATOR)
-    members = {robot: key.public for robot, key in keys.items()}
-    Ledger.create(folder, members, operator).close()
-    draws = generator(seed, "bloat")
+    robots = [f"R{number}" for number in range(1, n_robots + 1)]
+    ledger, keys = create_ledger(folder, robots, 0)
+    ledger.close()
+    draws = generator(0, "bloat")
     for done, stop in pairwise((0, *positions)):
         with Ledger.open(folder, writable=True) as ledger:
             for start in range(done, stop, together):
                 numbers = range(start, min(start + together, stop))
-                offers = [_offer(ledger, keys, n, draws.bytes(payload_bytes)) for n in numbers]
+                offers = []
+                for number in numbers:
+                    robot, payload = robots[number % n_robots], draws.bytes(payload_bytes)
+                    draft = ledger.draft_transaction(robot, payload, "distance", number)
+                    offers.append(Offer(draft.signed(keys[robot]), payload))
                 author = offers[0].transaction.robot
                 ledger.append_many(offers, author, keys[author])
                 if keep and numbers[-1] % n_robots == n_robots - 1:
-                    ledger.drop_old(keep, operator, numbers[-1])
+                    ledger.drop_old(keep, keys[OPERATOR], numbers[-1])
         stored = sum(path.stat().st_size for path in (folder / "blobs").iterdir())
         size = sum(path.stat().st_size for path in folder.rglob("*") if path.is_file())
         yield stop, stored, size
-
-
-def _offer(ledger: Ledger, keys: dict[str, SigningKey], number: int, payload: bytes) -> Offer:
-    """Position ``number``: the robots take turns."""
-    robot = f"R{number % len(keys) + 1}"
-    draft = ledger.draft_transaction(robot, payload, "distance", number)
-    return Offer(draft.signed(keys[robot]), payload)
 
 
 def _inline(

@@ -27,7 +27,7 @@ from vrchain.experiments.ledger.baselines import (
     Layout,
     MemoryLedger,
     Turn,
-    VerificationLimit,
+    verification_limit,
 )
 from vrchain.experiments.ledger.stores import (
     SMALL,
@@ -116,8 +116,8 @@ def bench_ledger(
             with (
                 Ledger.open(site.ledger, writable=True) as ledger,
                 Disk(site.folder / "bare", count, _bytes_of_an_update(memory)) as disk,
-                contextlib.closing(InlineChain(site.folder / "inline")) as inline,
-                contextlib.closing(JsonChain(site.folder / "json")) as chain,
+                InlineChain(site.folder / "inline") as inline,
+                JsonChain(site.folder / "json") as chain,
             ):
                 layouts: dict[str, Layout] = {"inline": inline, "JSON": chain}
                 sizes += [grown(site, name, layout) for name, layout in layouts.items()]
@@ -180,11 +180,9 @@ def _verification(site: Site, ledger: MemoryLedger) -> Row:
 
     repeats = min(max(_VERIFIED // site.positions, 1), 15)
     times_us = race_us(
-        {"limit": VerificationLimit(ledger), "verify": check},
-        range(repeats),
-        site.order,
-        clock_ns=process_time_ns,
-    )
+        {"limit": verification_limit(ledger), "verify": check},
+        range(repeats), site.order, process_time_ns,
+    )  # fmt: skip
     name = f"verification a position, {len(site.robots)} robots, {site.size}"
     whole_us, limit_us = (times_us[which] / site.positions for which in ("verify", "limit"))
     return _row(name, site.positions, whole_us, limit_us, VERIFY_BAR)
@@ -225,25 +223,22 @@ def _updates(
         rows += _update_rows(site, way, ours, watches)
         others = {name: partial(layout.publish, sync=sync) for name, layout in layouts.items()}
         theirs = race_us({**bare, **others}, list(site.turns(rounds // 2)), site.order)
-        limit_us = np.sum(list(_limits(theirs).values()), axis=0)
+        limit_us = np.sum([*_limits(theirs).values()], axis=0)
         rows += [
             _row(f"update {way}, {name}, {site.size}", site.positions, theirs[name], limit_us)
             for name in layouts
         ]
     rows += [
-        Row(f"limit: {_LIMITS[name]}, {site.size}", site.positions, float(np.median(ours[name])))
-        for name in _LIMITS
+        _row(f"limit: {limit}, {site.size}", site.positions, ours[name])
+        for name, limit in _LIMITS.items()
     ]
     return rows
 
 
 def _limits(times_us: Mapping[str, Times]) -> dict[str, Times]:
     """What each stage of an update takes at least, (rounds,) by stage."""
-    limits = {
-        "hash": times_us["hash"],
-        "sign": 2 * times_us["sign"],
-        "validate": times_us["verify"],
-    }
+    hash_us, sign_us, verify_us = (times_us[name] for name in ("hash", "sign", "verify"))
+    limits = {"hash": hash_us, "sign": 2 * sign_us, "validate": verify_us}
     if "commit" in times_us:
         limits["append_durable"] = times_us["commit"] + times_us["file"]
     return limits
@@ -256,7 +251,7 @@ def _update_rows(
     limits = _limits(times_us)
     bar = DURABLE_BAR if way == "durable" else MEMORY_BAR if site.large else None
     name = f"update {way}, {site.size}"
-    whole_us = np.sum(list(limits.values()), axis=0)
+    whole_us = np.sum([*limits.values()], axis=0)
     rows = [_row(name, site.positions, times_us["update"], whole_us, bar)]
     for stage in _STAGES if way == "durable" else _STAGES[:-1]:
         stage_us = np.array([watch.us(stage) for watch in watches])
@@ -272,42 +267,37 @@ def _retrieval(
     newest = {name: ledger.latest(name) for name in site.robots}
     last = newest[robot]
     assert last is not None
-    payload = ledger.payload(last.payload_digest)
     names = {
         "robot": robot,
         "newest": newest,
         "latest": ledger.latest,
-        "refresh": ledger.refresh,
-        "get": disk.get,
-        "id": last.id,
-        "transaction": ledger.transaction,
-        "blob": last.payload_digest,
-        "payload": ledger.payload,
         "inline": layouts["inline"].latest,
         "JSON": layouts["JSON"].latest,
+        "get": disk.get,
+        "refresh": ledger.refresh,
+        "id": last.id,
+        "transaction": ledger.transaction,
         "sha256": hashlib.sha256,
-        "data": payload,
+        "data": ledger.payload(last.payload_digest),
+        "blob": last.payload_digest,
+        "payload": ledger.payload,
     }
-    looks = _looks_us(
-        ("newest[robot]", "latest(robot)", "inline(robot)", "JSON(robot)"), names, 5000, rounds
-    )
-    reads = _looks_us(("get()", "refresh()", "transaction(id)"), names, 200, rounds)
-    blobs = _looks_us(("sha256(data).digest()", "payload(blob)"), names, 5, rounds)
+    lookup, get, sha256 = "newest[robot]", "get()", "sha256(data).digest()"
+    us = {
+        **_calls_us((lookup, "latest(robot)", "inline(robot)", "JSON(robot)"), names, 5000, rounds),
+        **_calls_us((get, "refresh()", "transaction(id)"), names, 200, rounds),
+        **_calls_us((sha256, "payload(blob)"), names, 5, rounds),
+    }
     at = site.positions
-    lookup_us, get_us, hash_us = (
-        looks["newest[robot]"],
-        reads["get()"],
-        blobs["sha256(data).digest()"],
-    )
     return [
-        _row("latest(robot)", at, looks["latest(robot)"], lookup_us, LATEST_BAR),
-        _row("latest(robot), inline", at, looks["inline(robot)"], lookup_us),
-        _row("latest(robot), JSON", at, looks["JSON(robot)"], lookup_us),
-        _row("refresh()", at, reads["refresh()"], get_us, REFRESH_BAR),
-        _row("transaction(id)", at, reads["transaction(id)"], get_us),
-        _row(f"payload(digest), {site.size}", at, blobs["payload(blob)"], hash_us),
-        _row("limit: dict look-up", at, lookup_us),
-        _row("limit: SQLite get", at, get_us),
+        _row("latest(robot)", at, us["latest(robot)"], us[lookup], LATEST_BAR),
+        _row("latest(robot), inline", at, us["inline(robot)"], us[lookup]),
+        _row("latest(robot), JSON", at, us["JSON(robot)"], us[lookup]),
+        _row("refresh()", at, us["refresh()"], us[get], REFRESH_BAR),
+        _row("transaction(id)", at, us["transaction(id)"], us[get]),
+        _row(f"payload(digest), {site.size}", at, us["payload(blob)"], us[sha256]),
+        _row("limit: dict look-up", at, us[lookup]),
+        _row("limit: SQLite get", at, us[get]),
     ]
 
 
@@ -315,12 +305,12 @@ def _same_at_both(small: Site, large: Site, rounds: int) -> Row:
     """``latest`` of the largest ledger beside that of the smallest."""
     with Ledger.open(small.ledger) as few, Ledger.open(large.ledger) as many:
         names = {"few": few.latest, "many": many.latest, "robot": small.robots[0]}
-        times_us = _looks_us(("few(robot)", "many(robot)"), names, 5000, rounds)
+        times_us = _calls_us(("few(robot)", "many(robot)"), names, 5000, rounds)
     name = f"latest(robot), beside the one at {small.positions} positions"
     return _row(name, large.positions, times_us["many(robot)"], times_us["few(robot)"], SAME_BAR)
 
 
-def _looks_us(
+def _calls_us(
     calls: Sequence[str], names: Mapping[str, object], count: int, rounds: int
 ) -> dict[str, Times]:
     """Microseconds of each call, (rounds,): ``count`` times in a row, one after the other."""

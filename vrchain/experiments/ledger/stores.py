@@ -5,7 +5,7 @@ import gc
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from itertools import islice
 from pathlib import Path
 from typing import NamedTuple
@@ -14,7 +14,7 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import OutputError
 from vrchain.experiments.ledger.baselines import Layout, MemoryLedger, Turn
-from vrchain.ledger import OPERATOR, simulated_key
+from vrchain.ledger import OPERATOR, Ledger, SigningKey, simulated_key
 from vrchain.ledger.rules.chain import genesis_entry
 from vrchain.seeding import generator
 
@@ -22,6 +22,15 @@ SMALL, _LARGE = 1_000, 200_000  # bytes of a payload
 _LARGE_UP_TO = 500  # positions
 _COMPUTED_OVER = 2_000_000_000  # bytes of a layout that is not written out any more
 _STEP_NS = 1_000_000_000  # the simulated time between two positions
+
+
+def create_ledger(
+    folder: Path, robots: Iterable[str], seed: int
+) -> tuple[Ledger, dict[str, SigningKey]]:
+    """A new ledger of simulated robots, to be closed; their keys, and the operator's."""
+    keys = {name: simulated_key(seed, name) for name in (*robots, OPERATOR)}
+    members = {name: key.public for name, key in keys.items() if name != OPERATOR}
+    return Ledger.create(folder, members, keys[OPERATOR]), keys
 
 
 class Size(NamedTuple):

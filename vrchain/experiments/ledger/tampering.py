@@ -3,7 +3,7 @@
 import shutil
 import sqlite3
 import tempfile
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from contextlib import closing
 from dataclasses import replace
 from pathlib import Path
@@ -59,10 +59,9 @@ def change_record(folder: Path, height: int) -> None:
     """Turn over one bit in the middle of the first record at ``height``. NotFoundError."""
     with closing(_database(folder)) as db:
         _check_height(db, height)
-        query = "SELECT record FROM records WHERE height = ? AND position = 0"
-        changed = _changed(db.execute(query, (height,)).fetchone()[0])
-        update = "UPDATE records SET record = ? WHERE height = ? AND position = 0"
-        db.execute(update, (changed, height))
+        first = "WHERE height = ? AND position = 0"
+        (record,) = db.execute(f"SELECT record FROM records {first}", (height,)).fetchone()
+        db.execute(f"UPDATE records SET record = ? {first}", (_changed(record), height))
 
 
 def cut_tail(folder: Path, height: int) -> None:
@@ -127,14 +126,11 @@ def _newcomer(folder: Path) -> str:
 
 def _read_all(ledger: Ledger) -> str:
     ledger.refresh()
-    for transaction in _transactions(ledger):
-        for blob in transaction.blobs:
-            ledger.payload(blob)
+    for robot in ledger.robots:
+        for transaction in ledger.history(robot):
+            for blob in transaction.blobs:
+                ledger.payload(blob)
     return _UNNOTICED
-
-
-def _transactions(ledger: Ledger) -> Iterator[Transaction]:
-    return (transaction for robot in ledger.robots for transaction in ledger.history(robot))
 
 
 def _said(found: Verification) -> str:

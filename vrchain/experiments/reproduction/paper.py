@@ -1,4 +1,4 @@
-"""What the paper prints of its measurements, each value of it once, and ours beside it.
+"""The paper's table and bounds: what it prints of its measurements, and ours beside it.
 
 TABLE is table I, BOUNDS what section IV-B says of figures 5 to 7, of Rahouti, Lyons and Santana,
 "VRChain: A Blockchain-Enabled Framework for Visual Homing and Navigation Robots", 2022,

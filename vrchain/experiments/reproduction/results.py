@@ -52,33 +52,15 @@ class Profile:
 
 _SMALL = CameraRig(width_px=320, height_px=240)
 _TINY = CameraRig(width_px=160, height_px=120)
-PROFILES = {
-    profile.name: profile
-    for profile in (
-        Profile("quick", _SMALL, missions=2),
-        Profile(
-            "paper",
-            CameraRig(),
-            missions=5,
-            pairs_a_band=60,
-            survey_pairs=60,
-            vision_samples=20,
-        ),
-        Profile(
-            "smoke",
-            _TINY,
-            _SMALL,
-            _TINY,
-            3_000,
-            (4, 8, 12),
-            mission_s=60.0,
-            pairs_a_band=2,
-            bands_m=((1.0, 10.0),),
-            survey_pairs=2,
-            vision_samples=1,
-        ),
-    )
-}
+_ALL = (
+    Profile("quick", _SMALL, missions=2),
+    Profile("paper", CameraRig(), missions=5, pairs_a_band=60, survey_pairs=60, vision_samples=20),
+    Profile(
+        "smoke", _TINY, fine_rig=_SMALL, mission_rig=_TINY, seed=3_000, positions=(4, 8, 12),
+        mission_s=60.0, pairs_a_band=2, bands_m=((1.0, 10.0),), survey_pairs=2, vision_samples=1,
+    ),
+)  # fmt: skip
+PROFILES = {profile.name: profile for profile in _ALL}
 ADVERTISED = ("quick", "paper")  # smoke is for the project's own tests
 
 

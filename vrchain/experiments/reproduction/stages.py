@@ -49,6 +49,8 @@ _TEAM_M = (2.0, 20.0)  # between R1 and R2, for a common landmark to be sought
 
 Stage = Callable[[Results, Path], str]
 """Writes a stage's results into a folder; says in a line what it did."""
+Draw = Callable[[mission.MissionRun, Path], object]
+"""Adds pictures of a mission to its folder."""
 
 
 def run_survey(results: Results, folder: Path) -> str:
@@ -57,7 +59,7 @@ def run_survey(results: Results, folder: Path) -> str:
     found = survey.survey(
         suburb(), folder / "ledger", max(profile.positions), seed=profile.seed, rig=profile.rig
     )
-    found.to_csv(folder / "survey.csv", index=False)
+    _write(folder, survey=found)
     rules = ", ".join(f"{rule} {n}" for rule, n in found.rule.value_counts().items())
     return f"{len(found)} positions of R1 and R2 with {rig_text(profile.rig)}; rules: {rules}"
 
@@ -71,7 +73,7 @@ def run_update(results: Results, folder: Path) -> str:
             payloads[:n], folder / f"ledger_{n}", ROBOTS, results.profile.seed
         )
         found.insert(0, "ledger_position", np.arange(1, n + 1))
-        found.to_csv(folder / f"update_{n}.csv", index=False)
+        _write(folder, **{f"update_{n}": found})
         means.append(f"{found.total_us.mean() / 1e3:.2f} ms over {n}")
     return f"mean update {', '.join(means)} positions"
 
@@ -86,12 +88,10 @@ def run_retrieval(results: Results, folder: Path) -> str:
         table.insert(0, "ledger_positions", n)
         tables.append(table)
     found = pd.concat(tables)
-    found.to_csv(folder / "retrieval.csv", index=False)
     payloads = _surveyed(results)[1][: profile.positions[1]]
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         rates = latency.throughput(payloads, Path(scratch) / "ledger", ROBOTS, profile.seed)
-    rates.to_csv(folder / "throughput.csv", index=False)
-    vision_latency(profile).to_csv(folder / "vision.csv", index=False)
+    _write(folder, retrieval=found, throughput=rates, vision=vision_latency(profile))
     medians = found.groupby("way").time_us.median()
     times = ", ".join(
         f"{way.replace('_', ' ')} {medians[way]:.3g} us" for way in latency.RETRIEVALS
@@ -107,18 +107,16 @@ def run_landmarks(results: Results, folder: Path) -> str:
     for n in profile.positions:
         looks = _looks(_team_pairs(surveyed[:n], profile.survey_pairs), surveyed, payloads)
         claims = landmarks.claims_of(looks, truth, profile.rig)
-        claims.to_csv(folder / f"survey_{n}.csv", index=False)
+        _write(folder, **{f"survey_{n}": claims})
         summaries.append({"positions": n, **landmarks.summarise(claims)})
-    pd.DataFrame(summaries).to_csv(folder / "survey_summary.csv", index=False)
+    _write(folder, survey_summary=pd.DataFrame(summaries))
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         claims, pairs = landmark_bands.over_distance(
             suburbs(load_spec(SCENE)), profile.pairs_a_band, profile.bands_m,
             seed=profile.seed, folder=Path(scratch), rig=profile.fine_rig, jobs=None,
         )  # fmt: skip
     found = landmark_bands.by_band(claims, pairs)
-    tables = {"pairs": claims, "pairs_drawn": pairs, "pairs_summary": found}
-    for name, table in tables.items():
-        table.to_csv(folder / f"{name}.csv", index=False)
+    _write(folder, pairs=claims, pairs_drawn=pairs, pairs_summary=found)
     shown = "; ".join(
         f"{variant} {_listed(rows.precision)} and {_listed(rows.recall)}"
         for variant, rows in found.groupby("variant", sort=False)
@@ -127,19 +125,17 @@ def run_landmarks(results: Results, folder: Path) -> str:
     return f"precision and recall {bands} m apart, {profile.pairs_a_band} pairs each: {shown}"
 
 
+def _write(folder: Path, **tables: pd.DataFrame) -> None:
+    """Each as a CSV of its name."""
+    for name, table in tables.items():
+        table.to_csv(folder / f"{name}.csv", index=False)
+
+
 def _listed(shares: pd.Series) -> str:
     return " ".join("-" if np.isnan(share) else f"{share:.2f}" for share in shares)
 
 
-def _no_pictures(run: mission.MissionRun, folder: Path) -> None:
-    pass
-
-
-def run_mission(
-    results: Results,
-    folder: Path,
-    draw: Callable[[mission.MissionRun, Path], object] = _no_pictures,
-) -> str:
+def run_mission(results: Results, folder: Path, draw: Draw | None = None) -> str:
     """Some missions; ``draw`` may add pictures of each to its folder.
 
     All outcomes are in missions.csv. Pictures elsewhere show the first that truly arrived, of those
@@ -149,7 +145,7 @@ def run_mission(
     seeds = range(profile.seed, profile.seed + profile.missions)
     runs = each(partial(_mission, profile, folder, draw), seeds, None, "missions")
     outcomes = pd.DataFrame([{"seed": profile.seed + k, **r.summary()} for k, r in enumerate(runs)])
-    outcomes.to_csv(folder / "missions.csv", index=False)
+    _write(folder, missions=outcomes)
     shown = max(runs, key=lambda r: (r.success, bool(r.result.plans)))  # the first of equals
     with open(folder / "run.pickle", "wb") as file:
         pickle.dump(shown, file)
@@ -157,12 +153,7 @@ def run_mission(
     return f"{outcomes.success.sum()} of {len(runs)} arrived, {false} false arrivals"
 
 
-def _mission(
-    profile: Profile,
-    folder: Path,
-    draw: Callable[[mission.MissionRun, Path], object],
-    seed: int,
-) -> mission.MissionRun:
+def _mission(profile: Profile, folder: Path, draw: Draw | None, seed: int) -> mission.MissionRun:
     """One mission in a folder of its own; the scene, which is large, is left out."""
     own = folder / f"seed_{seed}"
     own.mkdir()
@@ -171,7 +162,8 @@ def _mission(
         suburb(), own / "ledger", seed=seed, rig=profile.mission_rig, config=config
     )
     mission.save_log(run, own)
-    draw(run, own)
+    if draw:
+        draw(run, own)
     return replace(run, scene=None)  # type: ignore[arg-type]
 
 
@@ -190,8 +182,6 @@ NEEDS = {
     "figures": tuple(STAGES),
     "notebooks": tuple(STAGES),
 }
-
-
 LIBRARIES = {
     "landmarks": ("torch",),
     "mission": ("torch",),
@@ -229,10 +219,11 @@ def reproduce(
     for stage in chosen:
         require(*LIBRARIES.get(stage, ()), what=f"the stage {stage}", error=ReproductionError)
     tell_of_other_code(results, [stage for stage in stages if stage in needed], tell)
-    at_once = [stage for stage in chosen if stage in AT_ONCE]
-    others = [[stage] for stage in chosen if stage not in AT_ONCE]
+    groups = [[stage] for stage in chosen if stage not in AT_ONCE]
+    if at_once := [stage for stage in chosen if stage in AT_ONCE]:
+        groups.insert(0, at_once)
     said: dict[str, str] = {}
-    for group in [at_once, *others] if at_once else others:
+    for group in groups:
         with ExitStack() as opened:  # here, so that a process that is ended leaves nothing
             folders = [
                 opened.enter_context(output_folder(results.folder / stage, MARKER))
@@ -278,8 +269,8 @@ def vision_latency(profile: Profile) -> pd.DataFrame:
     rigs = {rig_text(rig): rig for rig in (profile.rig, profile.fine_rig)}
     for text, rig in rigs.items():
         times: dict[str, list[float]] = {}
-        pairs = landmarks.draw_pairs(suburb(), profile.vision_samples, (5.0, 10.0), profile.seed)
-        for poses in pairs:
+        samples, seed = profile.vision_samples, profile.seed
+        for poses in landmarks.draw_pairs(suburb(), samples, (5.0, 10.0), seed):
             a, b = (_timed(times, "render", renderer.render, pose, rig) for pose in poses)
             blob = _timed(times, "encode", a.encode)
             _timed(times, "decode", Panorama.decode, blob)
@@ -314,11 +305,10 @@ def _team_pairs(surveyed: pd.DataFrame, most: int) -> list[tuple[int, int]]:
     places = [rows[["x_m", "y_m"]].to_numpy() for rows in (first, second)]
     apart_m = np.linalg.norm(places[0][:, None] - places[1][None], axis=2)
     apart_m[apart_m < _TEAM_M[0]] = np.inf
-    nearest = apart_m.argmin(axis=1)
     pairs = [
-        (int(first.index[i]), int(second.index[j]))
-        for i, j in enumerate(nearest)
-        if apart_m[i, j] <= _TEAM_M[1]
+        (int(first.index[i]), int(second.index[row.argmin()]))
+        for i, row in enumerate(apart_m)
+        if row.min() <= _TEAM_M[1]
     ]
     kept = np.linspace(0, len(pairs) - 1, min(most, len(pairs))).round().astype(int)
     return [pairs[k] for k in kept]

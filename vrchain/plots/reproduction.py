@@ -10,16 +10,27 @@ from matplotlib.figure import Figure
 from matplotlib.table import Table
 from matplotlib.transforms import Bbox
 
-from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
+from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES, stage_quartiles
 from vrchain.experiments.reproduction.paper import BOUNDS, OURS, READINGS, RETRIEVAL, TABLE
-from vrchain.plots.maps import ROBOT_COLOURS
+from vrchain.plots.style import (
+    BLUE,
+    GREEN,
+    GREY,
+    MICROSECONDS,
+    RED,
+    in_units,
+    label,
+    note_below,
+    panels,
+    robot_colour,
+)
 
 _WAYS = {
     "newest_transaction": "newest transaction",
     "panorama": "panorama, bytes checked",
     "common_landmark": "common landmark with the other robot",
 }
-_WAY_COLOURS = ("#0072B2", "#009E73", "#D55E00")
+_COLOURS = (BLUE, GREEN, RED)
 _MARKERS = ("o", "s", "^")
 _STAGES = {
     "encode": "encode records",
@@ -34,61 +45,48 @@ _STAGES = {
 
 def update_time_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> Figure:
     """Update time of each robot over the positions; one panel for each number of positions."""
-    figure = Figure(figsize=(5.2 * len(updates), 3.9), layout="constrained")
-    panels = np.atleast_1d(figure.subplots(1, len(updates), sharey=True))
-    for axes, (n, table) in zip(panels, updates.items(), strict=True):
-        for (robot, rows), colour, marker in zip(
-            table.groupby("robot"), ROBOT_COLOURS, _MARKERS, strict=False
-        ):
+    figure, _ = panels(5.2 * len(updates), 3.9, 1, len(updates), sharey=True)
+    for axes, (n, table) in zip(figure.axes, updates.items(), strict=True):
+        for k, (robot, rows) in enumerate(table.groupby("robot")):
             times_ms = rows.total_us / 1e3
             axes.plot(
-                rows.ledger_position, times_ms, marker, ls="-", lw=0.8, ms=3.5, color=colour,
-                label=f"{robot}: mean {times_ms.mean():.2f} ms",
+                rows.ledger_position, times_ms, _MARKERS[k % 3], ls="-", lw=0.8, ms=3.5,
+                color=robot_colour(k), label=f"{robot}: mean {times_ms.mean():.2f} ms",
             )  # fmt: skip
-        axes.set_title(f"{n} positions")
-        axes.set_xlabel("position in the ledger (R1's and R2's in turn)")
+        axes.set(title=f"{n} positions", xlabel="position in the ledger (R1's and R2's in turn)")
         axes.legend(loc="upper right")
-    panels[0].set_ylabel("update time (ms)")
-    top = max(float(table.total_us.quantile(0.99)) / 1e3 for table in updates.values())
-    panels[0].set_ylim(0, 1.9 * top)
-    hidden = sum(int((table.total_us / 1e3 > 1.9 * top).sum()) for table in updates.values())
+    end_ms = 1.9 * max(float(table.total_us.quantile(0.99)) / 1e3 for table in updates.values())
+    figure.axes[0].set(ylim=(0, end_ms), ylabel="update time (ms)")
+    hidden = sum(int((table.total_us / 1e3 > end_ms).sum()) for table in updates.values())
     figure.suptitle(
         "One update of the ledger: from the panorama's bytes to the other robot's receipt"
     )
     beyond = f"Slower updates, beyond the axis: {hidden}. " if hidden else ""
-    _note(figure, f"{beyond}{note}")
+    note_below(figure, f"{beyond}{note}")
     return figure
 
 
 def update_stages_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> Figure:
     """What an update's time goes into: median of each stage, its quartiles as a line."""
-    figure = Figure(figsize=(8.6, 4.4), layout="constrained")
-    axes = figure.add_subplot()
-    height = 0.8 / len(updates)
-    for index, (n, table) in enumerate(updates.items()):
-        stages = table[[f"{stage}_us" for stage in STAGES]]
-        low, middle, high = (stages.quantile(q).to_numpy() for q in (0.25, 0.5, 0.75))
+    figure, axes = panels(8.6, 4.4)
+    height, columns = 0.8 / len(updates), [f"{stage}_us" for stage in STAGES]
+    for index, (n, rows) in enumerate(stage_quartiles(updates).groupby("positions", sort=False)):
+        low, middle, high = rows[columns].to_numpy()
         at = np.arange(len(STAGES)) + (index - (len(updates) - 1) / 2) * height
         axes.barh(
-            at, middle, height * 0.9, color=_WAY_COLOURS[index % 3], label=f"{n} positions",
+            at, middle, height * 0.9, color=_COLOURS[index % 3], label=f"{n} positions",
             xerr=(middle - low, high - middle), error_kw={"lw": 1.0, "ecolor": "#333333"},
         )  # fmt: skip
         for y, us, right in zip(at, middle, high, strict=True):
-            axes.text(
-                right * 1.08,
-                y,
-                f"{us:,.0f}" if us >= 100 else f"{us:.3g}",
-                va="center",
-                fontsize=7.5,
-            )
-    axes.set_xscale("log")
+            text = f"{us:,.0f}" if us >= 100 else f"{us:.3g}"
+            axes.text(right * 1.08, y, text, va="center", fontsize=7.5)
+    axes.set(xscale="log", title="Where the time of an update goes")
     axes.set_xlim(0.5, axes.get_xlim()[1] * 2)
     axes.set_yticks(range(len(STAGES)), [_STAGES[stage] for stage in STAGES])
     axes.invert_yaxis()
     axes.set_xlabel("time in one update (µs, logarithmic): median and quartiles")
     axes.legend(loc="upper right")
-    axes.set_title("Where the time of an update goes")
-    _note(figure, note)
+    note_below(figure, note)
     return figure
 
 
@@ -97,38 +95,32 @@ def retrieval_time_figure(retrievals: Mapping[int, pd.DataFrame], note: str = ""
 
     What the paper prints is a grey band in each reading: from its least mean to its upper bound.
     """
-    figure = Figure(figsize=(3.4 * len(retrievals) + 4.2, 5.4), layout="constrained")
-    panels = figure.subplots(
-        1, len(retrievals) + 1, sharey=True, width_ratios=[*(1.0 for _ in retrievals), 1.15]
-    )
-    styles = list(zip(_WAYS.items(), _WAY_COLOURS, _MARKERS, strict=True))
-    for axes, (n, table) in zip(panels, retrievals.items(), strict=False):
-        for (way, _), colour, marker in styles:
-            of = table[table.way == way]
-            axes.plot(of.position, of.time_us, marker, ms=3, alpha=0.6, color=colour)
-        axes.set_title(f"{n} positions, each retrieval")
-        axes.set_xlabel("position in the ledger")
-    axes, sizes = panels[-1], list(retrievals)
-    for (way, label), colour, marker in styles:
-        means_us = [float(t[t.way == way].time_us.mean()) for t in retrievals.values()]
-        axes.plot(range(len(sizes)), means_us, marker, ls="-", ms=8, color=colour, label=label)
+    n_ledgers = len(retrievals)
+    figure, (*each, means) = panels(
+        3.4 * n_ledgers + 4.2, 5.4, 1, n_ledgers + 1, sharey=True,
+        width_ratios=[*[1.0] * n_ledgers, 1.15],
+    )  # fmt: skip
+    for axes, n in zip(each, retrievals, strict=True):
+        axes.set(title=f"{n} positions, each retrieval", xlabel="position in the ledger")
+    for (way, name), colour, marker in zip(_WAYS.items(), _COLOURS, _MARKERS, strict=True):
+        found = [table[table.way == way] for table in retrievals.values()]
+        for axes, rows in zip(each, found, strict=True):
+            axes.plot(rows.position, rows.time_us, marker, ms=3, alpha=0.6, color=colour)
+        means_us = [float(rows.time_us.mean()) for rows in found]
+        means.plot(range(n_ledgers), means_us, marker, ls="-", ms=8, color=colour, label=name)
         for x, us in enumerate(means_us):
-            axes.annotate(
-                _time_text(us), (x, us), xytext=(0, 8), textcoords="offset points", ha="center",
-                fontsize=9, color=colour,
-            )  # fmt: skip
-    axes.set_xlim(-0.5, len(sizes) - 0.5)
-    axes.set_xticks(range(len(sizes)), [str(n) for n in sizes])
-    axes.set_xlabel("positions in the ledger")
-    axes.set_title("Mean over each ledger")
-    for axes in panels:
-        _paper_bands(axes, named=axes is panels[0])
-    panels[0].set_yscale("log")
-    panels[0].set_ylim(1e-3, 1e7)
-    panels[0].set_ylabel("time of one retrieval (µs, logarithmic)")
+            text = in_units(us, MICROSECONDS)
+            label(means, text, (x, us), (0, 8), ha="center", fontsize=9, color=colour)
+    means.set_xticks(range(n_ledgers), [str(n) for n in retrievals])
+    means.set(xlim=(-0.5, n_ledgers - 0.5), title="Mean over each ledger")
+    means.set_xlabel("positions in the ledger")
+    for axes in figure.axes:
+        _paper_bands(axes, named=axes is figure.axes[0])
+    figure.axes[0].set(yscale="log", ylim=(1e-3, 1e7))
+    figure.axes[0].set_ylabel("time of one retrieval (µs, logarithmic)")
     title = "Retrieval in three ways. Grey: what the paper prints, in both readings of its unit"
     figure.legend(loc="outside upper center", ncols=len(_WAYS), title=title, frameon=False)
-    _note(figure, f"{RETRIEVAL_NOTE}\n{note}".strip())
+    note_below(figure, f"{RETRIEVAL_NOTE}\n{note}".strip())
     return figure
 
 
@@ -136,8 +128,8 @@ def table_figure(
     summary: pd.DataFrame, bounds: pd.DataFrame, pairs: pd.DataFrame, note: str = ""
 ) -> Figure:
     """``paper.summary_table`` and ``paper.bounds_table`` drawn; pairs: ``Results.qualities``."""
-    figure = Figure(figsize=(12.5, 9.6), layout="constrained")
-    upper, lower = figure.subplots(2, 1, height_ratios=(len(summary) + 2, len(bounds) + 2))
+    heights = len(summary) + 2, len(bounds) + 2
+    figure, (upper, lower) = panels(12.5, 9.6, 2, 1, height_ratios=heights)
     rows = summary.to_dict("records")
     table = _draw_table(
         upper,
@@ -165,7 +157,7 @@ def table_figure(
     for line in range(1, len(bounds) + 1):
         table[line, 5].set_text_props(fontstyle="italic", color="#8a4b00")
     lower.set_title("The paper's bounds, beside what single updates and retrievals took here")
-    _note(figure, note)
+    note_below(figure, note)
     return figure
 
 
@@ -177,11 +169,10 @@ def _draw_table(axes: Axes, heads: list[str], cells: list[list[str]]) -> Table:
     table.set_fontsize(9.5)
     table.auto_set_column_width(range(len(heads)))
     for (line, _), cell in table.get_celld().items():
-        cell.set_edgecolor("#bbbbbb")
+        cell.set(edgecolor="#bbbbbb")
         if line == 0:
-            cell.set_facecolor("#dfe8ef")
+            cell.set(facecolor="#dfe8ef", height=1.9 * cell.get_height())
             cell.set_text_props(fontweight="bold")
-            cell.set_height(1.9 * cell.get_height())
     return table
 
 
@@ -245,22 +236,9 @@ def _paper_bands(axes: Axes, named: bool) -> None:
         )
         axes.axhspan(low_us, max(bounds_us), color="#777777", alpha=0.25, lw=0)
         if named:
-            said = (f"{b.says} {_time_text(us)}" for b, us in zip(bounds, bounds_us, strict=True))
+            low, high, *ends = (in_units(us, MICROSECONDS) for us in (low_us, high_us, *bounds_us))
+            said = ", ".join(f"{b.says} {end}" for b, end in zip(bounds, ends, strict=True))
             axes.text(
-                0.02, low_us / 1.2,
-                f"paper, {reading}: means {_time_text(low_us)} to\n{_time_text(high_us)}, "
-                f"{', '.join(said)}",
-                color="#555555", fontsize=8, va="top", transform=axes.get_yaxis_transform(),
+                0.02, low_us / 1.2, f"paper, {reading}: means {low} to\n{high}, {said}",
+                color=GREY, fontsize=8, va="top", transform=axes.get_yaxis_transform(),
             )  # fmt: skip
-
-
-def _time_text(us: float) -> str:
-    for unit, factor in (("s", 1e6), ("ms", 1e3), ("µs", 1.0)):
-        if us >= factor:
-            return f"{us / factor:.3g} {unit}"
-    return f"{us * 1e3:.3g} ns"
-
-
-def _note(figure: Figure, text: str) -> None:
-    if text:
-        figure.supxlabel(text, fontsize=8, color="#555555", x=0.01, ha="left")

@@ -4,21 +4,21 @@ Robots are triangles, landmarks ellipses; sight lines are thin, those of the cha
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations, pairwise
+from itertools import pairwise
 
 import numpy as np
 import shapely
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Ellipse, Patch, Polygon
+from matplotlib.patches import Ellipse, Patch
 from numpy.typing import NDArray
 
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
-from vrchain.navigation.planning.graph import LandmarkGraph
-from vrchain.navigation.planning.route import Route
-from vrchain.plots.maps import ROBOT_COLOURS, draw_ground, draw_robot, zoom_to
+from vrchain.plots.maps import draw_ground, draw_robot, zoom_to
+from vrchain.plots.style import WHITE_BOX, panels, robot_colour
 from vrchain.simulation.sightings import Sightings
 from vrchain.world.model import Scene, SceneObject
 
@@ -29,7 +29,6 @@ _COMMON_COLOUR = "#ffd54f"
 _WALL_COLOUR = "#3a3a3a"
 _THIN_LW, _HEAVY_LW = 0.7, 3.2
 _SCREENS = ("wall", "hedge", "fence")  # long and narrow: as they stand, not as an ellipse
-_BOX = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
 
 
 def chain_of(robots: Sequence[str], sightings: Sightings, goal: str | None) -> list[str]:
@@ -61,8 +60,7 @@ def chain_map(
     chain: robots and landmarks in turn, as ``chain_of`` gives them. MissionError for none.
     """
     _check_chain(chain)
-    figure = Figure(figsize=(8.6, 8.8), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = panels(8.6, 8.8)
     draw_ground(axes, scene)
     labels = sightings.labels()
     places = {name: pose.xy_m for name, pose in robots.items()}
@@ -77,26 +75,23 @@ def chain_map(
     for a, b in pairwise(chain):
         _line(axes, places[a], places[b], heavy=True)
     for k, (name, pose) in enumerate(robots.items()):
-        draw_robot(axes, name, pose, ROBOT_COLOURS[k % len(ROBOT_COLOURS)], size_m=1.9)
+        draw_robot(axes, name, pose, robot_colour(k), size_m=1.9)
     for name in dict.fromkeys([*labels, chain[-1]]):
         if name in robots:
             continue
         thing = scene.objects[scene.index_of(name)]
-        text = f"{labels[name]}: {thing.kind}" if name in labels else f"{thing.kind} (the goal)"
-        x_m, y_m = places[name]
+        (x_m, y_m), text = places[name], f"{thing.kind} (the goal)"
         if name in labels:  # beside its ellipse; a goal is large enough to bear its name
-            y_m = thing.bounds_m[0, 1] - 1.2
+            y_m, text = thing.bounds_m[0, 1] - 1.2, f"{labels[name]}: {thing.kind}"
         axes.text(
             x_m, y_m, text, ha="center", va="top", fontsize=9, fontweight="bold",
-            color=_CHAIN_COLOUR, zorder=8, bbox=_BOX,
+            color=_CHAIN_COLOUR, zorder=8, bbox=WHITE_BOX,
         )  # fmt: skip
     corners = [scene.objects[scene.index_of(n)].bounds_m[:, :2] for n in sorted(seen)]
     zoom_to(axes, np.concatenate([*corners, [p.xy_m for p in robots.values()]]), margin_m=3.0)
     axes.set_title(f"{scene.name}: {' - '.join(labels.get(n, n) for n in chain)}")
-    axes.legend(
-        handles=_legend(walls=True), loc="upper center", bbox_to_anchor=(0.5, -0.07), ncols=5,
-        frameon=False, fontsize=8.5,
-    )  # fmt: skip
+    wall = Line2D([], [], color=_WALL_COLOUR, lw=3, label="wall or fence")
+    _legend(axes, wall, -0.07)
     return figure
 
 
@@ -107,8 +102,7 @@ def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]
     for an empty chain.
     """
     _check_chain(chain)
-    figure = Figure(figsize=(4.8 * len(robots) + 1.6, 5.4), layout="constrained")
-    axes = figure.add_subplot()
+    figure, axes = panels(4.8 * len(robots) + 1.6, 5.4)
     labels, goal = sightings.labels(), chain[-1]
     at = {name: np.array([4.8 * k, 0.0]) for k, name in enumerate(robots)}
     links = {frozenset(link) for link in pairwise(chain)}
@@ -136,8 +130,7 @@ def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]
             _node(axes, at[robot] + place, _words(name), _LANDMARK_COLOUR, 0.86, dashed=elsewhere)
     for k, robot in enumerate(robots):
         corners = at[robot] + 0.42 * np.array([(0, 1.15), (-1, -0.75), (1, -0.75)])
-        colour = ROBOT_COLOURS[k % len(ROBOT_COLOURS)]
-        axes.add_patch(Polygon(corners, facecolor=colour, edgecolor="white", lw=1.2, zorder=6))
+        axes.fill(*corners.T, facecolor=robot_colour(k), edgecolor="white", lw=1.2, zorder=6)
         axes.text(
             at[robot][0], at[robot][1] - 0.03, robot, color="white", ha="center", va="center",
             fontsize=11, fontweight="bold", zorder=7,
@@ -146,39 +139,9 @@ def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]
     axes.autoscale_view()
     axes.margins(0.02)
     axes.set_axis_off()
-    axes.legend(
-        handles=_legend(walls=False), loc="upper center", bbox_to_anchor=(0.5, 0.0), ncols=5,
-        frameon=False, fontsize=9,
-    )  # fmt: skip
+    dashed = Patch(fc=_LANDMARK_COLOUR, ec="black", ls="--", label="seen by two, not the same side")
+    _legend(axes, dashed, 0.0)
     return figure
-
-
-def claimed(graph: LandmarkGraph, route: Route) -> tuple[list[str], Sightings, list[str]]:
-    """What ``team_graph`` draws of a plan: by the ledger's claims instead of by truth.
-
-    The route's robots, first to last; their landmarks, each with the score of its surest claim, and
-    the goal with the chance that it is the goal; and the chain.
-    """
-    robots = list(route.robots)
-    named = {
-        graph.name(i): f"{graph.name(i)}: {node.claims[0].score:.2f}"
-        for i, node in enumerate(graph.landmarks)
-    }
-    goal = f"score {graph.goal[route.seen_by]:.2f}"
-    visible = {
-        robot: tuple(
-            named[graph.name(i)] for i, node in enumerate(graph.landmarks) if robot in node.sights
-        )
-        for robot in robots
-    }
-    common = {
-        (a, b): shared
-        for a, b in combinations(robots, 2)
-        if (shared := tuple(n for n in visible[a] if n in visible[b]))
-    }
-    visible[route.seen_by] += (goal,)
-    chain = [name for leg in route.legs for name in (leg.seen_by, named[leg.node])]
-    return robots, Sightings(visible, common), [*chain, route.seen_by, goal]
 
 
 def _check_chain(chain: Sequence[str]) -> None:
@@ -193,12 +156,10 @@ def _words(name: str) -> str:
 
 def _hanging(n: int) -> NDArray[np.float64]:
     """Places, (n, 2), around a robot: half of them above it, half below, none beside it."""
-    above = (n + 1) // 2
-    places = []
+    above, places = (n + 1) // 2, []
     for count, sign in ((above, 1), (n - above, -1)):
         x = np.linspace(-1, 1, count) * min(1.75, 0.5 * (count - 1))
-        y = sign * (1.95 - 0.28 * x**2)
-        places.append(np.column_stack([x, y]))
+        places.append(np.column_stack([x, sign * (1.95 - 0.28 * x**2)]))
     return np.concatenate(places)
 
 
@@ -229,41 +190,37 @@ def _line(axes: Axes, a_xy: NDArray[np.float64], b_xy: NDArray[np.float64], *, h
 def _draw_landmark(axes: Axes, thing: SceneObject, chosen: bool) -> NDArray[np.float64]:
     """A landmark as an ellipse around its footprint, a wall as it stands; its middle."""
     footprint = thing.footprint.buffer(0.05)
+    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))
     if thing.kind in _SCREENS:
-        outline = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))
-        axes.add_patch(Polygon(outline, color=_WALL_COLOUR, lw=1.2, zorder=3.2))
+        axes.fill(*corners.T, color=_WALL_COLOUR, lw=1.2, zorder=3.2)
         return np.asarray(footprint.centroid.coords[0])
-    corners = shapely.get_coordinates(shapely.minimum_rotated_rectangle(footprint))[:4]
-    middle, along, across = corners.mean(axis=0), corners[1] - corners[0], corners[2] - corners[1]
+    middle, along, across = (
+        corners[:4].mean(axis=0),
+        corners[1] - corners[0],
+        corners[2] - corners[1],
+    )
+    width_m, height_m = (max(1.25 * float(np.hypot(*side)), 1.2) for side in (along, across))
     axes.add_patch(
         Ellipse(
-            tuple(middle),
-            max(1.25 * float(np.hypot(*along)), 1.2),
-            max(1.25 * float(np.hypot(*across)), 1.2),
-            angle=float(np.degrees(np.arctan2(along[1], along[0]))),
-            facecolor=_COMMON_COLOUR if chosen else _LANDMARK_COLOUR,
-            edgecolor="black",
-            lw=1.3 if chosen else 0.8,
-            zorder=4,
+            tuple(middle), width_m, height_m, angle=float(np.degrees(np.arctan2(*along[::-1]))),
+            facecolor=_COMMON_COLOUR if chosen else _LANDMARK_COLOUR, edgecolor="black",
+            lw=1.3 if chosen else 0.8, zorder=4,
         )
-    )
+    )  # fmt: skip
     return np.asarray(middle)
 
 
-def _legend(*, walls: bool) -> list[Patch | Line2D]:
-    handles: list[Patch | Line2D] = [
-        Line2D([], [], marker=(3, 0, 0), ls="", ms=10, color=ROBOT_COLOURS[0], label="robot"),
-        Line2D(
-            [], [], marker="o", ls="", ms=9, mfc=_LANDMARK_COLOUR, mec="black", label="landmark"
-        ),
+def _legend(axes: Axes, other: Artist, y: float) -> None:
+    """Below the axes; ``other``: what only this figure has."""
+    fill = _LANDMARK_COLOUR
+    handles = [
+        Line2D([], [], marker=(3, 0, 0), ls="", ms=10, color=robot_colour(0), label="robot"),
+        Line2D([], [], marker="o", ls="", ms=9, mfc=fill, mec="black", label="landmark"),
+        other,
         Line2D([], [], color=_SIGHT_COLOUR, lw=_THIN_LW, label="sees"),
         Line2D([], [], color=_CHAIN_COLOUR, lw=_HEAVY_LW, label="the chain to the goal"),
     ]
-    if walls:
-        handles.insert(2, Line2D([], [], color=_WALL_COLOUR, lw=3, label="wall or fence"))
-    else:
-        handles.insert(
-            2,
-            Patch(fc=_LANDMARK_COLOUR, ec="black", ls="--", label="seen by two, not the same side"),
-        )
-    return handles
+    axes.legend(
+        handles=handles, loc="upper center", bbox_to_anchor=(0.5, y), ncols=5, frameon=False,
+        fontsize=9,
+    )  # fmt: skip

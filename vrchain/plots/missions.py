@@ -8,16 +8,16 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.patches import Rectangle
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import Region
 from vrchain.navigation.planning.route import Route
 from vrchain.navigation.settings import robot_of
 from vrchain.panorama import Codec, Panorama, encode_png
-from vrchain.plots.maps import LABEL_BOX, ROBOT_COLOURS, draw_robot, draw_scene, zoom_to
-from vrchain.plots.pictures import CLAIM_COLOURS, common_landmarks_figure, region_box, show_panorama
+from vrchain.plots.maps import draw_robot, draw_scene, zoom_to
+from vrchain.plots.pictures import common_landmarks_figure, region_box, show_panorama
 from vrchain.plots.save import png_bytes
+from vrchain.plots.style import WHITE_BOX, claim_colour, label, outline, robot_colour, tag
 from vrchain.simulation.mission import MissionRun
 
 _SHOWN = Codec("jpeg", 85)  # to be looked at, not compared
@@ -44,10 +44,8 @@ def save_pictures(run: MissionRun, folder: Path) -> None:
     for plan_number, (look, route) in enumerate(run.result.plans, 1):
         for leg_number, leg in enumerate(route.legs, 1):
             a, b = (_seen(run, name, look) for name in (leg.seen_by, leg.next_by))
-            figure = common_landmarks_figure(
-                a.cylinder, b.cylinder, [leg.landmark], a.rig,
-                (f"{leg.seen_by} sees", f"{leg.next_by} sees"),
-            )  # fmt: skip
+            titles = f"{leg.seen_by} sees", f"{leg.next_by} sees"
+            figure = common_landmarks_figure(a.cylinder, b.cylinder, [leg.landmark], a.rig, titles)
             figure.suptitle(f"plan {plan_number}, leg {leg_number}: the landmark to drive to")
             (folder / f"plan_{plan_number}_leg_{leg_number}.png").write_bytes(png_bytes(figure))
 
@@ -78,12 +76,11 @@ def draw_mission_map(axes: Axes, run: MissionRun) -> None:
     """The goal, the team where it ended, and the robots' paths."""
     draw_stage(axes, run)
     for index, (name, place) in enumerate(run.task.places.items()):
-        path = run.paths_xy_m[name]
-        colour = ROBOT_COLOURS[index % len(ROBOT_COLOURS)]
-        axes.plot(*path.T, color=colour, lw=2.2 if name == run.robot else 1.0, zorder=5)
-        at = place if name == run.robot else _last_pose(run, name)
+        path, colour, drives = run.paths_xy_m[name], robot_colour(index), name == run.robot
+        axes.plot(*path.T, color=colour, lw=2.2 if drives else 1.0, zorder=5)
+        at = place if drives else Pose(float(path[-1, 0]), float(path[-1, 1]), place.yaw_rad)
         draw_robot(axes, name, at, colour, size_m=0.9)
-    axes.plot(*run.final_pose.xy_m, "o", color=ROBOT_COLOURS[0], mec="white", ms=9, zorder=7)
+    axes.plot(*run.final_pose.xy_m, "o", color=robot_colour(0), mec="white", ms=9, zorder=7)
     axes.set_title(f"path of {run.robot} (thick; dot: its end)", fontsize=10)
 
 
@@ -95,22 +92,18 @@ def draw_stage(axes: Axes, run: MissionRun) -> None:
         (x0, y0), (x1, _) = thing.bounds_m[:, :2]
         alone = thing.landmark and kinds[thing.kind] == 1 and thing.name != run.task.goal
         if alone and x1 - x0 >= _NAMED_M:
-            axes.annotate(
-                thing.kind, ((x0 + x1) / 2, y0), (0, -2), textcoords="offset points",
-                ha="center", va="top", fontsize=9, zorder=4, annotation_clip=True,
+            label(
+                axes, thing.kind, ((x0 + x1) / 2, y0), (0, -2), ha="center", va="top", fontsize=9,
+                zorder=4, annotation_clip=True,
             )  # fmt: skip
     goal = run.scene.objects[run.scene.index_of(run.task.goal)]
-    x0, y0 = goal.bounds_m[0][:2]
-    width, height = np.ptp(goal.bounds_m, axis=0)[:2]
-    axes.add_patch(
-        Rectangle((x0, y0), width, height, fill=False, edgecolor=_GOAL_COLOUR, lw=2.5, zorder=5)
-    )
+    corners = goal.bounds_m[:, :2]
+    outline(axes, corners.ravel(), _GOAL_COLOUR, lw=2.5, zorder=5)
     axes.annotate(
-        "goal", (x0 + width / 2, y0 + height / 2), ha="center", va="center", zorder=8,
-        color=_GOAL_COLOUR, fontweight="bold", bbox=LABEL_BOX,
+        "goal", tuple(corners.mean(axis=0)), ha="center", va="center", zorder=8,
+        color=_GOAL_COLOUR, fontweight="bold", bbox=WHITE_BOX,
     )  # fmt: skip
     places = np.array([p.xy_m for p in run.task.places.values()])
-    corners = goal.bounds_m[:, :2]
     zoom_to(axes, np.concatenate([places, corners, run.paths_xy_m[run.robot]]), margin_m=4.0)
 
 
@@ -131,42 +124,29 @@ def chain_rows(run: MissionRun, look: int, route: Route) -> list[Row]:
     for i, name in enumerate(route.robots):
         marks = []
         if i > 0:
-            marks.append((f"L{i}{i + 1}", _colour(i - 1), route.legs[i - 1].landmark.b))
+            marks.append((f"L{i}{i + 1}", claim_colour(i - 1), route.legs[i - 1].landmark.b))
         if i < len(route.legs):
-            marks.append((f"L{i + 1}{i + 2}", _colour(i), route.legs[i].landmark.a))
+            marks.append((f"L{i + 1}{i + 2}", claim_colour(i), route.legs[i].landmark.a))
         if name == route.seen_by:
-            marks.append(("goal", _GOAL_COLOUR, _goal_region(route)))
+            goal = route.sighting
+            region = Region(0, (0, 0, 0, 0), goal.bearing_rad, 2 * goal.half_width_rad)
+            marks.append(("goal", _GOAL_COLOUR, region))
         rows.append(Row(f"{name} sees", _seen(run, name, look), tuple(marks)))
     return rows
 
 
 def draw_row(axes: Axes, row: Row) -> None:
     """A panorama with what is marked in it."""
-    show_panorama(axes, row.panorama)
-    axes.set_title(row.title, fontsize=10, loc="left")
-    for label, colour, region in row.marks:
-        _mark(axes, row.panorama, region, label, colour)
-
-
-def _colour(leg: int) -> str:
-    return CLAIM_COLOURS[leg % len(CLAIM_COLOURS)]
+    show_panorama(axes, row.panorama, row.title, loc="left")
+    for name, colour, region in row.marks:
+        _mark(axes, row.panorama, region, name, colour)
 
 
 def _seen(run: MissionRun, name: str, look: int) -> Panorama:
     return run.result.looks[look] if robot_of(name) == run.robot else run.panoramas[name]
 
 
-def _goal_region(route: Route) -> Region:
-    sighting = route.sighting
-    return Region(0, (0, 0, 0, 0), sighting.bearing_rad, 2 * sighting.half_width_rad)
-
-
-def _last_pose(run: MissionRun, name: str) -> Pose:
-    (x_m, y_m), place = run.paths_xy_m[name][-1], run.task.places[name]
-    return Pose(float(x_m), float(y_m), place.yaw_rad)
-
-
-def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: str) -> None:
+def _mark(axes: Axes, panorama: Panorama, region: Region, name: str, colour: str) -> None:
     """A box on a panorama whose axes are degrees."""
     if region.bearing_rad is None or region.angular_size_rad is None:
         return
@@ -180,13 +160,6 @@ def _mark(axes: Axes, panorama: Panorama, region: Region, label: str, colour: st
     for left in (centre + width / 2 + turn for turn in (-360.0, 0.0, 360.0)):
         if not -180.0 < left < 180.0 + width:  # the panorama begins again behind the robot
             continue
-        axes.add_patch(
-            Rectangle(
-                (left - width, bottom), width, top - bottom, fill=False, edgecolor=colour, lw=2
-            )
-        )
-        axes.text(
-            min(left, 180.0), min(top, edge), label, fontsize=8, clip_on=True,
-            va="top" if top > edge - _LABEL_DEG else "bottom",
-            bbox={"facecolor": colour, "edgecolor": "none", "pad": 1.0},
-        )  # fmt: skip
+        outline(axes, (left - width, bottom, left, top), colour)
+        va = "top" if top > edge - _LABEL_DEG else "bottom"
+        tag(axes, name, min(left, 180.0), min(top, edge), colour, fontsize=8, va=va)
