@@ -126,19 +126,3 @@ def long_ledger(folder: Path) -> bytes:
         offers = [Offer(t.signed(KEYS[t.robot]), t.robot.encode()) for t in drafts]
         ledger.append_many(offers, "R2", KEYS["R2"])
         return ledger.head.hash
-
-
-def garbage(draws: int, good: Sequence[bytes]) -> list[bytes]:
-    """Random bytes, and good ones with some bytes changed, cut out, put in or repeated."""
-    source = random.Random(0)
-    found = [source.randbytes(source.randrange(300)) for _ in range(draws // 10)]
-    for number in range(draws):
-        data = bytearray(good[number % len(good)])
-        for _ in range(source.randint(1, 3)):
-            start = source.randrange(len(data) + 1)
-            end = min(len(data), start + source.choice([0, 1, 1, 1, 4, 40]))
-            data[start:end] = source.choice(
-                [b"", b"\0", b"\xff", source.randbytes(end - start), bytes(data[start:end]) * 2]
-            )
-        found.append(bytes(data))
-    return found
