@@ -26,6 +26,11 @@ def read(path: Path) -> nbformat.NotebookNode:
     return nbformat.read(path, as_version=4)
 
 
+def code_of(name: str) -> str:
+    cells = read(NOTEBOOKS / f"{name}.ipynb").cells
+    return "\n".join(cell.source for cell in cells if cell.cell_type == "code")
+
+
 def python_of(source: str) -> ast.Module:
     return ast.parse("\n".join(line for line in source.splitlines() if not line.startswith("%")))
 
@@ -44,7 +49,7 @@ def test_the_manifest_names_all_notebooks_and_what_they_need() -> None:
     assert sorted(path.stem for path in NOTEBOOKS.glob("*.ipynb")) == NAMES
     assert set(TIERS.values()) == {"quick", "slow"}
     for name, about in manifest(NOTEBOOKS).items():
-        code = "\n".join(cells(name, "code"))
+        code = code_of(name)
         assert about["needs"] == [n for n, calls in NEEDS.items() if any(c in code for c in calls)]
 
 
@@ -67,7 +72,7 @@ def test_a_notebook_is_thin_says_what_it_is_about_and_is_stored_without_output(n
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_knows_the_package_by_its_public_names_alone(name: str) -> None:
-    assert strangers(python_of("\n".join(cells(name, "code")))) == []
+    assert strangers(python_of(code_of(name))) == []
 
 
 def test_a_long_function_would_be_noticed() -> None:

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from vrchain.panorama import Panorama as Panorama
     from vrchain.panorama import view_change as view_change
     from vrchain.paths import SCENES as SCENES
-    from vrchain.simulation.mission import run as run_mission  # noqa: F401
+    from vrchain.simulation.mission import run_mission as run_mission
     from vrchain.simulation.sightings import team_sightings as team_sightings
     from vrchain.simulation.survey import survey as survey
     from vrchain.viewer import view as view
@@ -71,7 +71,7 @@ _HOMES = {
     "plots": "",
     "random_key": "ledger",
     "reproduced": "workbench",
-    "run_mission": "simulation.mission:run",
+    "run_mission": "simulation.mission",
     "simulated_key": "ledger",
     "survey": "simulation.survey",
     "tampering": "experiments.ledger",
