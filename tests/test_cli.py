@@ -218,8 +218,6 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("scene", "export", CROSSING, "-o", "again.world"), "write it as .glb"),
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "ledger", "--positions", "0"), "equal to 1, got '0'"),
-        (("bench", "distinct", SUBURB, "--spacing", "-3"), "above 0 m"),
-        (("bench", "distinct", SUBURB, "--layer", "first"), "middle"),
         (("bench", "flood", "--kind", "rain"), "a flood of valid"),
         (("train", "-o", "/proc/weights.pt"), "cannot write"),
         (("figures", "-o", "/proc/new"), "cannot write"),
@@ -244,13 +242,9 @@ COUNTS = [  # command, option, least, most
     ("evaluate search {}", "--by-sift", 0, None),
     ("evaluate search {}", "--suburbs", 1, None),
     ("evaluate homing {}", "--places", 1, None),
-    ("evaluate homing-trials {}", "--trials", 1, None),
-    ("evaluate homing-trials {}", "--seed", 1000, 1999),
     ("evaluate goals {}", "--goals", 1, None),
     ("bench render {}", "--positions", 1, None),
     ("bench landmarks {}", "--positions", 1, None),
-    ("bench distinct {}", "--pairs", 1, None),
-    ("bench codec {}", "--pairs", 1, None),
     ("bench planner", "--tasks", 1, None),
     ("bench planner", "--worlds", 1, None),
     ("bench flood", "--rounds", 1, None),
@@ -260,7 +254,7 @@ SEEDED = ["navigate {} -o out"] + [
     f"{group} {name}"
     for group, names in {
         "evaluate": "landmarks strangers search homing navigation goals",
-        "bench": "render landmarks distinct codec planner flood ledger",
+        "bench": "render landmarks planner flood ledger",
     }.items()
     for name in names.split()
 ]

@@ -1,8 +1,8 @@
-"""The command ``vrchain bench``: how long things take, and how much a landmark's look tells."""
+"""The command ``vrchain bench``: how long things take."""
 
 import json
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -12,7 +12,7 @@ from vrchain.paths import BUILD, SCENES
 if TYPE_CHECKING:
     import pandas as pd
 
-app = typer.Typer(no_args_is_help=True, help="Measure speed and distinctiveness.")
+app = typer.Typer(no_args_is_help=True, help="Measure speed.")
 
 Spec = Annotated[
     Path,
@@ -87,59 +87,6 @@ def processors(
         print(_json(rows=table))
         return
     print(table.round(6).to_string(index=False))
-
-
-@app.command()
-def distinct(
-    spec: Spec = SCENES / "suburb.yaml",
-    spacing: Annotated[
-        list[float] | None, typer.Option(metavar="M", help="Metres; give one for each.")
-    ] = None,
-    pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses at each spacing.")] = 30,
-    layer: Annotated[
-        Literal["middle", "last"], typer.Option(help="Of the network: whose features.")
-    ] = "middle",
-    seed: Seed = 3000,
-    as_json: Json = False,
-) -> None:
-    """Tell landmarks apart by ImageNet features of their true boxes alone, beside known figures.
-
-    right: share of the landmarks common to two poses whose nearest neighbour among all landmarks
-    of the other panorama is the same object; low, high: 95 % interval.
-    """
-    from vrchain.experiments import distinctiveness as experiment
-    from vrchain.world import load_scene
-
-    spacings_m = spacing or list(experiment.REFERENCE)
-    experiment.check_request(spacings_m, pairs)
-    scene = load_scene(spec)
-    found = experiment.distinctiveness(scene, spacings_m, pairs, seed=seed, layer=layer)
-    table = experiment.summarise(found, seed=seed)
-    if as_json:
-        print(_json(rows=table))
-        return
-    print(table.round(3).to_string(index=False, na_rep="-"))
-
-
-@app.command()
-def codec(
-    spec: Spec = SCENES / "suburb.yaml",
-    pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten a suburb.")] = 24,
-    seed: Annotated[int, typer.Option(min=0, help="Of the first suburb and its poses.")] = 1000,
-    as_json: Json = False,
-) -> None:
-    """Compare image codecs for panoramas: bytes against the common landmarks that SIFT still finds.
-
-    kept, support_kept: right claims and their matched keypoints, over those of PNG, with 95 %
-    intervals.
-    """
-    from vrchain.experiments import codec as experiment
-
-    table = experiment.summarise(experiment.codec_pairs(spec, pairs, seed=seed), seed=seed)
-    if as_json:
-        print(_json(rows=table))
-        return
-    print(table.round(3).to_string(index=False, na_rep="-"))
 
 
 @app.command()

@@ -214,32 +214,6 @@ def homing(
 
 
 @app.command()
-def homing_trials(
-    spec: Spec = SUBURB,
-    places: Annotated[int, typer.Option(min=1, help="To home to, two in each suburb.")] = 4,
-    trials: Annotated[int, typer.Option(min=1, help="Of each method, the first as it is.")] = 16,
-    seed: Annotated[
-        int,
-        typer.Option(min=1000, max=FIRST_SEED - 1, help="Of suburbs, places and trials."),
-    ] = 1000,
-    as_json: Json = False,
-) -> None:
-    """Try parameters of every homing method, as many of each, on the seeds for choosing.
-
-    Prints the best trials of each method by angular error, without compass, then the best values
-    of what arrival is judged by, by return ratio.
-    """
-    from vrchain.experiments import homing_trials as experiment
-    from vrchain.experiments.scenes import scenes_of
-
-    table = experiment.trials(scenes_of(spec), places, trials, seed=seed)
-    if as_json:
-        print(json.dumps({"rows": json.loads(table.to_json(orient="records"))}))
-        return
-    print(experiment.best(table).to_string(index=False, na_rep="-"))
-
-
-@app.command()
 def navigation(
     spec: Spec = SUBURB,
     missions: Annotated[

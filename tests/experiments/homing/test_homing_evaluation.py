@@ -9,7 +9,6 @@ from sights import yard
 from worlds import SMALL_RIG, box, plain, world
 
 from vrchain.errors import MissionError
-from vrchain.experiments import homing_trials
 from vrchain.experiments.homing.evaluation import (
     COMPASS,
     Free,
@@ -22,7 +21,6 @@ from vrchain.experiments.homing.evaluation import (
     summarise,
 )
 from vrchain.experiments.scenes import Scenes
-from vrchain.homing import METHODS
 from vrchain.seeding import generator
 from vrchain.world.model import Scene
 
@@ -163,8 +161,6 @@ def test_bad_requests(tmp_path: Path) -> None:
         evaluate(yards(), 0, seed=3000, folder=tmp_path)
     with pytest.raises(MissionError, match="no homing method snapshot: there are epipolar, scale"):
         evaluate(yards(), 1, ["snapshot"], seed=3000, folder=tmp_path)
-    with pytest.raises(MissionError, match="1 place and 1 trial or more, got 1 and 0"):
-        homing_trials.trials(yards(), 1, 0, seed=1000)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -176,22 +172,3 @@ def full() -> Scene:
 def test_a_world_without_a_free_place_is_named() -> None:
     with pytest.raises(MissionError, match="no free place in boxes"):
         draw_place(full(), generator(0, "home"))
-
-
-def test_trials_are_as_many_for_each_and_the_first_is_as_it_is() -> None:
-    made = homing_trials.trials(
-        yards(), 1, 3, seed=1000, grid=SMALL, rig=SMALL_RIG, methods=("scale", "warping")
-    )
-    assert made.groupby(["method", "chosen_by"]).size().eq(3).all() and len(made) == 12
-    assert np.isfinite(made.value).all()
-    best = homing_trials.best(made, 1)
-    assert len(best) == 4
-    errors = made[(made.method == "scale") & (made.chosen_by == "angular_error_deg")]
-    assert best[best.chosen_by == "angular_error_deg"].value.iloc[0] == errors.value.min()
-
-
-def test_every_method_has_parameters_to_try_that_it_has() -> None:
-    assert list(homing_trials.VALUES) == list(homing_trials.ARRIVAL) == list(METHODS)
-    for name, method in METHODS.items():
-        for values in (homing_trials.VALUES[name], [homing_trials.ARRIVAL[name]]):
-            assert all(hasattr(method, value) for value in values)
