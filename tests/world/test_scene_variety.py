@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from vrchain.seeding import generator
 from vrchain.world import drawing
-from vrchain.world.buildings import barn, facade_style, houses, plans, shops
+from vrchain.world.buildings import barn, facades, houses, plans, shops
 from vrchain.world.buildings.plans import HousePlan
 from vrchain.world.model import Surface
 
@@ -77,7 +77,7 @@ def test_there_are_tens_of_combinations() -> None:
     for seed in range(5):
         for k in range(1, N + 1):
             plan = plan_of(seed, k)
-            style = facade_style.random_style(generator(seed, "house", k), k)
+            style = facades.random_style(generator(seed, "house", k), k)
             hue = int(np.argmax(style.wall_rgb)), round(sum(style.wall_rgb) / 128)
             door = int(np.argmax(style.door_rgb))
             walls[style.material, style.upper, hue, style.panes, style.shutters, door] += 1

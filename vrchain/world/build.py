@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-import numpy as np
+from numpy.random import Generator
 
 from vrchain import seeding
 from vrchain.world import gazebo
@@ -17,7 +17,7 @@ from vrchain.world.suburb.layout import Layout, draw_layout
 from vrchain.world.suburb.site import Placement
 from vrchain.world.things import boundaries, furniture, plants, vehicles
 
-_Builder = Callable[[Placement, np.random.Generator, str], tuple[Surface, ...]]
+_Builder = Callable[[Placement, Generator, str], tuple[Surface, ...]]
 _BUILDERS: dict[str, _Builder] = {
     "house": lambda p, rng, season: houses.build(p.plan, rng, p.index),
     "shop": lambda p, rng, season: shops.build(p.plan, rng),

@@ -11,7 +11,7 @@ from numpy.random import Generator
 
 from vrchain.world import textures
 from vrchain.world.buildings import roofs
-from vrchain.world.buildings.facade_style import PX_PER_M
+from vrchain.world.buildings.facades import PX_PER_M
 from vrchain.world.buildings.plans import BarnPlan, Silo
 from vrchain.world.buildings.shell import Shell
 from vrchain.world.drawing import fill, frame, grown, star

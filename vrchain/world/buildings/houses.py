@@ -11,7 +11,7 @@ import numpy as np
 from numpy.random import Generator
 
 from vrchain.world import textures
-from vrchain.world.buildings import facade_style, facades, roofs
+from vrchain.world.buildings import facades, roofs
 from vrchain.world.buildings.facades import Opening
 from vrchain.world.buildings.plans import STOREY_M, HousePlan
 from vrchain.world.buildings.shell import Shell
@@ -31,7 +31,7 @@ class _House(Shell):
     def __init__(self, plan: HousePlan, rng: Generator, index: int) -> None:
         super().__init__(rng)
         self.plan = plan
-        self.style = facade_style.random_style(rng, index)
+        self.style = facades.random_style(rng, index)
         hue, saturation = rng.choice(_ROOFS)
         self.roof_rgb = textures.hsv(hue + rng.uniform(-8, 8), saturation, rng.uniform(0.3, 0.65))
         kinds = (textures.shingles, textures.pantiles, textures.metal_sheet)
@@ -59,11 +59,7 @@ class _House(Shell):
         self.cover(roofs.roof(kind, rect, top, slopes, overhang))
 
     def windows(
-        self,
-        width_m: float,
-        storeys: int = 1,
-        taken: _Intervals = (),
-        chance: float = 0.85,
+        self, width_m: float, storeys: int = 1, taken: _Intervals = (), chance: float = 0.85
     ) -> list[Opening]:
         """Windows in regular bays of a wall; ``taken``: intervals of its ground floor, m."""
         w, h = self.plan.window_m

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.random import Generator
 
 from vrchain.world import textures
-from vrchain.world.buildings import facade_style, facades, roofs
-from vrchain.world.buildings.facade_style import PX_PER_M
-from vrchain.world.buildings.facades import Opening
+from vrchain.world.buildings import facades, roofs
+from vrchain.world.buildings.facades import PX_PER_M, Opening
 from vrchain.world.buildings.plans import GROUND_FLOOR_M, STOREY_M, ShopPlan
 from vrchain.world.buildings.shell import Shell
 from vrchain.world.drawing import fill, frame, write
@@ -39,7 +38,7 @@ class _Shop(Shell):
     def __init__(self, plan: ShopPlan, rng: Generator) -> None:
         super().__init__(rng)
         self.plan = plan
-        self.style = facade_style.random_style(rng, int(rng.integers(10)))
+        self.style = facades.random_style(rng, int(rng.integers(10)))
         if rng.random() < 0.35:
             rgb, tiles = random_hsv(rng, (0, 360), (0.1, 0.6), (0.5, 0.95)), textures.tiles
             self.style = replace(

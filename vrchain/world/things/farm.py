@@ -49,11 +49,8 @@ def wall_plans(
         damp = np.linspace(1.04, 0.72, shape[0], dtype=np.float32)[:, None, None]
         return np.clip(image * damp, 0, 255).astype(np.uint8)
 
-    front, back = side(), side()[:, ::-1]  # the back is seen from the other side
-    return [
-        WallPlan(length_m, height_m, a, np.ascontiguousarray(b[:, ::-1]))
-        for a, b in zip(np.hsplit(front, n), np.hsplit(back, n), strict=True)
-    ]
+    fronts, backs = np.hsplit(side(), n), np.hsplit(side(), n)[::-1]  # seen from the other side
+    return [WallPlan(length_m, height_m, *faces) for faces in zip(fronts, backs, strict=True)]
 
 
 def high_wall(plan: WallPlan, rng: Generator) -> _Surfaces:

@@ -106,7 +106,7 @@ def build(plan: VehiclePlan, rng: Generator) -> tuple[Surface, ...]:
     for sign in (-1, 1):
         model.add(_flank(plan, np.column_stack([x, sign * y, z]), sign), patches[sign])
     if plan.style == "pickup":
-        _bed(plan, model, top, rng)
+        _bed(plan, model, rng)
     _wheels(plan, model, rng)
     mirror = box((-0.07, -0.09, 0), (0.07, 0.09, 0.13), bottom=True)
     x = (plan.cabin[0] - 0.5) * length - 0.12
@@ -146,7 +146,7 @@ def _flank(plan: VehiclePlan, outline: NDArray[np.float64], sign: int) -> Part:
     return join([polygon(outline[f], uv[f]) for f in (face[::-sign] for face in faces)])
 
 
-def _bed(plan: VehiclePlan, model: Model, paint: int, rng: Generator) -> None:
+def _bed(plan: VehiclePlan, model: Model, rng: Generator) -> None:
     """A load on the pickup's bed."""
     length, half = plan.length_m, plan.width_m / 2 - 0.16
     x0, x1, z = -length / 2 + 0.15, (plan.cabin[3] - 0.5) * length - 0.08, plan.tail_m - 0.02
