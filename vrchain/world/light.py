@@ -48,19 +48,18 @@ class Light:
         """Whether clouds spread the sun's light: then it throws no shadow."""
         return self.time == "overcast"
 
-    def on(
-        self, normals: NDArray[np.float64], sun: ArrayLike = 1.0, sky: ArrayLike = 1.0
-    ) -> NDArray[np.float32]:
-        """Colour of the light on faces with unit normals (n, 3): (n, 3) in 0..1.
-
-        sun, sky: what shares of them get there, a number or (n,).
-        """
-        return self.towards(np.clip(normals @ self.direction, 0, 1), normals[:, 2], sun, sky)
+    def on(self, normals: NDArray[np.float64]) -> NDArray[np.float32]:
+        """Colour, (n, 3) in 0..1, of the light on faces in the open with unit normals (n, 3)."""
+        return self.towards(np.clip(normals @ self.direction, 0, 1), normals[:, 2], 1.0, 1.0)
 
     def towards(
         self, facing: ArrayLike, up: ArrayLike, sun: ArrayLike, sky: ArrayLike
     ) -> NDArray[np.float32]:
-        """``on`` for faces whose normals make these cosines with the sun and with the zenith."""
+        """Colour, (..., 3) in 0..1, of the light on faces.
+
+        facing, up: the cosines that their normals make with the sun and with the zenith; sun, sky:
+        what shares of them get there; a number or (n,) each.
+        """
         open_ = np.asarray(sky) if self.veiled else np.asarray(sun)
         from_sun = (1 - self.ambient) * np.asarray(facing) * open_
         from_sky = self.ambient * (0.92 + 0.08 * np.asarray(up))

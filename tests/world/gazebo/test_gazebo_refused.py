@@ -25,8 +25,6 @@ BOMB = (
     )
     + "]>"
 )
-
-
 CRATE = model(CUBE)
 
 
@@ -95,14 +93,15 @@ def test_documents(tmp_path: Path, document: str, parts: list[str]) -> None:
     assert [p for p in parts if p not in message] == []
 
 
-def test_a_script_and_a_world_of_too_long_a_name(tmp_path: Path) -> None:
-    material = f"<material><script><uri>{'x' * 300}</uri><name>A</name></script></material>"
+def test_names_that_are_too_long(tmp_path: Path) -> None:
+    long = "x" * 300
+    material = f"<material><script><uri>{long}</uri><name>A</name></script></material>"
     message = refused(tmp_path, world(model(visual(box("1 1 1"), material=material))))
     assert "test.world:1: <uri>" in message and "name too long" in message
-    message = refused(tmp_path, world(include("model://" + "x" * 300)), gz.folder_of("m", CRATE))
+    message = refused(tmp_path, world(include(f"model://{long}")), gz.folder_of("m", CRATE))
     assert "test.world:1: <include>" in message and "name too long" in message
     with pytest.raises(SpecError, match="name too long"):
-        load_scene(tmp_path / f"{'x' * 300}.world")
+        load_scene(tmp_path / f"{long}.world")
 
 
 def test_a_folder_that_may_not_be_read(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -42,19 +42,14 @@ class Ground:
 
 @dataclass(frozen=True, eq=False)
 class Design:
-    """A model ready to be placed: surfaces in its own frame, and ground if it has some.
+    """A model ready to be placed: an object in its own frame, and ground if it has some.
 
     pieces: what each of its visuals shows, where there are several, of which each stands in a
     robot's way for itself. wide: it is nothing but planes as wide as ground.
     """
 
-    name: str
-    surfaces: tuple[Surface, ...]
+    prototype: SceneObject
     ground: tuple[Ground, ...]
-    size_m: tuple[float, float, float]
-    kind: str
-    landmark: bool
-    solid: bool
     pieces: tuple[Sequence[Part], ...] = ()
     wide: bool = False
 
@@ -92,8 +87,8 @@ class Designs:
         ]
         surfaces = self._surfaces(parts)
         size_m = size_of(np.concatenate([s.vertices_m for s in surfaces]))
-        name = f"{name}::ground" if design.surfaces else name
-        return SceneObject(name, "ground", design.name, False, False, size_m, surfaces)
+        name = f"{name}::ground" if design.prototype.surfaces else name
+        return SceneObject(name, "ground", design.prototype.model, False, False, size_m, surfaces)
 
     def _make(self, model: Model) -> Design | None:
         ground: list[Ground] = []
@@ -116,21 +111,20 @@ class Designs:
                 )
         if model.ours is not None:
             told = model.ours.attributes
-            return Design(
-                told.get("model", model.design), surfaces, tuple(ground), size_m,
-                told.get("kind", "object"), told.get("landmark") == "true",
-                told.get("solid") == "true",
-            )  # fmt: skip
+            kind, design = told.get("kind", "object"), told.get("model", model.design)
+            landmark, solid = (told.get(word) == "true" for word in ("landmark", "solid"))
+            thing = SceneObject(model.name, kind, design, landmark, solid, size_m, surfaces)
+            return Design(thing, tuple(ground))
         cut_out = sum(len(s.faces) for s in surfaces if s.cut_out)
         leafy = 2 * cut_out > sum(len(s.faces) for s in surfaces)
         kind = kinds.guess(model.design, size_m, leafy) if parts else "ground"
         if parts and kind == "object":
             kind = kinds.guess(model.name, size_m, leafy)
-        return Design(
-            self._name(model, surfaces, ground), surfaces, tuple(ground), size_m, kind,
-            self._is_landmark(model, kind, size_m), kind != "ground",
-            pieces if len(pieces) > 1 else (), all(is_wide(visual) for visual in visuals),
-        )  # fmt: skip
+        design = self._name(model, surfaces, ground)
+        landmark = self._is_landmark(model, kind, size_m)
+        thing = SceneObject(model.name, kind, design, landmark, kind != "ground", size_m, surfaces)
+        wide = all(is_wide(visual) for visual in visuals)
+        return Design(thing, tuple(ground), pieces if len(pieces) > 1 else (), wide)
 
     def _is_landmark(self, model: Model, kind: str, size_m: tuple[float, float, float]) -> bool:
         if kind in _RUNS and max(size_m[:2]) > _RUN_M:

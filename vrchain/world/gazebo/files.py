@@ -5,7 +5,6 @@ Every path is resolved, and stays in the folders given.
 
 import os
 from collections import Counter
-from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
@@ -68,12 +67,12 @@ class Folders:
         return ", ".join(str(root) for root in self.models) or "none is set"
 
 
-def model_folders(world: Path, environment: Mapping[str, str] = os.environ) -> Folders:
+def model_folders(world: Path) -> Folders:
     """The folders of the environment, then ``models`` in the world's folder and beside it."""
     named = [
         Path(folder).expanduser()
         for variable in VARIABLES
-        for folder in environment.get(variable, "").split(os.pathsep)
+        for folder in os.environ.get(variable, "").split(os.pathsep)
         if folder
     ]
     here = _resolved(world.parent)

@@ -44,20 +44,13 @@ class _Thing(NamedTuple):
 
     def object(self) -> SceneObject:
         """What of it is no ground, in the world."""
-        d, matrix = self.design, self.placed.matrix
-        surfaces = tuple(_moved(s, matrix) for s in d.surfaces)
+        thing, pieces, matrix = self.design.prototype, self.design.pieces, self.placed.matrix
+        surfaces = tuple(_moved(s, matrix) for s in thing.surfaces)
         outline = None
-        if d.solid and d.pieces:  # what its visuals stand around is free
-            polygons = [
-                ground_polygon(
-                    np.concatenate([moved(p, matrix).vertices_m[p.faces] for p in piece])
-                )
-                for piece in d.pieces
-            ]
-            outline = shapely.union_all(polygons)
-        placed = SceneObject(
-            self.name, d.kind, d.name, d.landmark, d.solid, d.size_m, surfaces, outline
-        )
+        if thing.solid and pieces:  # what its visuals stand around is free
+            corners = ([moved(p, matrix).vertices_m[p.faces] for p in piece] for piece in pieces)
+            outline = shapely.union_all([ground_polygon(np.concatenate(c)) for c in corners])
+        placed = replace(thing, name=self.name, surfaces=surfaces, outline=outline)
         if not np.abs(placed.bounds_m).max() < FARTHEST_M:
             raise self.placed.element.error(
                 f"the model {self.name[:80]!r} lies more than {FARTHEST_M / 1000:g} km away: "
@@ -95,7 +88,7 @@ def load_world(path: str | Path) -> Scene:
     if not things:
         why = f": not supported: {notes}" if notes else ""
         raise SpecError(f"{path}: nothing in this world can be drawn{why}")
-    triangles = sum(len(s.faces) for thing in things for s in thing.design.surfaces)
+    triangles = sum(len(s.faces) for thing in things for s in thing.design.prototype.surfaces)
     if len(things) > MOST_MODELS or triangles > MOST_TRIANGLES:
         raise SpecError(
             f"{path}: expected at most {MOST_MODELS} models and {MOST_TRIANGLES} triangles, got "
@@ -122,7 +115,7 @@ def _scene(
     ]
     # The lowest piece is the floor of the world, all over.
     (_, floor_m), floor = min((piece[:2] for piece in pieces), default=((False, 0.0), None))
-    shown = [thing for thing in things if thing.design.surfaces]
+    shown = [thing for thing in things if thing.design.prototype.surfaces]
     objects = [thing.object() for thing in shown]
     bounds = [o.bounds_m[:, :2] for o, t in zip(objects, shown, strict=True) if not t.design.wide]
     boxes = bounds or [
@@ -238,7 +231,7 @@ def _own_scene(name: str, things: Sequence[_Thing], ours: Element, notes: Notes)
     for thing in things:
         if thing.design.ground:
             notes.add("planes of ground in a suburb of ours, which has its own", thing.placed.name)
-    objects = [thing.object() for thing in things if thing.design.surfaces]
+    objects = [thing.object() for thing in things if thing.design.prototype.surfaces]
     standing = [o for o in objects if o.bounds_m[:, 2].any()]
     lying = [o for o in objects if not o.bounds_m[:, 2].any()]
     return outdoors(spec, standing, lying)

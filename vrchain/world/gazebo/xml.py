@@ -42,10 +42,10 @@ class Element:
         """Every child with one of the tags, in the document's order."""
         return (child for child in self.children if child.tag in tags)
 
-    def words(self, path: str, default: str = "") -> str:
-        """The text of a child, or ``default`` where there is none."""
+    def words(self, path: str) -> str:
+        """The text of a child, "" where there is none."""
         found = self.find(path)
-        return default if found is None else found.text
+        return "" if found is None else found.text
 
     def numbers(self, n: int) -> tuple[float, ...]:
         """The element's text as ``n`` finite numbers. Raises SpecError."""
