@@ -3,6 +3,7 @@
 import signal
 import time
 from pathlib import Path
+from subprocess import PIPE
 
 import pytest
 from ledgers import KEYS, child
@@ -36,7 +37,7 @@ sys.stdin.readline()
 
 
 def test_writers_that_write_again_and_again_take_turns(folder: Path) -> None:
-    writers = [child(WRITERS, folder, robot) for robot in ("R1", "R2") * 2]
+    writers = [child(WRITERS, folder, robot, stdin=PIPE) for robot in ("R1", "R2") * 2]
     for writer in writers:
         assert writer.stdout.readline() == "ready\n"
     for writer in writers:
@@ -70,7 +71,7 @@ def test_the_first_to_come_is_the_first_to_go(tmp_path: Path) -> None:
 
 
 def test_who_was_killed_or_stopped_while_waiting_holds_up_nobody(folder: Path) -> None:
-    waiter = child(WAITER, folder)
+    waiter = child(WAITER, folder, stdin=PIPE)
     assert waiter.stdout.readline() == "waits\n"
     with Ledger.open(folder, writable=True, wait_s=0.2) as ledger:
         began = time.monotonic()
