@@ -64,16 +64,17 @@ def drive(
     body = Walker(plain, start, shut_in)
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
-    return drive_mission(
-        "R1", body, index.published, index, goal, perception, config, cast(Any, tell)
-    ), body
+    asked = (index.published, index, goal, perception, config, cast(Any, tell))
+    result = drive_mission("R1", body, *asked)
+    check_log(result, config)
+    return result, body
 
 
 def words(result: MissionResult) -> list[str]:
     return [d.what for d in result.decisions]
 
 
-def check_log(result: MissionResult, config: MissionConfig = QUICK) -> None:
+def check_log(result: MissionResult, config: MissionConfig) -> None:
     """It can be read and stored, runs forward in time, and ends as the mission did."""
     assert json.loads(json.dumps([asdict(d) for d in result.decisions]))
     assert all(d.what and d.why for d in result.decisions)
@@ -95,7 +96,6 @@ def goal_range_m(body: Walker) -> float:
 def test_a_goal_in_view_is_driven_to() -> None:
     plain = street(visible_from=lambda pose: True)
     result, body = drive(plain, {})  # with nobody in the ledger
-    check_log(result)
     assert result.arrived and result.plans == ()
     assert words(result) == ["approach", "arrived"]
     assert goal_range_m(body) <= QUICK.arrival_m + 0.3
@@ -105,7 +105,6 @@ def test_a_goal_in_view_is_driven_to() -> None:
 
 def test_a_goal_out_of_view_is_reached_by_the_chain() -> None:
     result, body = drive(street(), TEAM)
-    check_log(result)
     assert result.arrived, result.decisions
     assert goal_range_m(body) <= QUICK.arrival_m + 0.3
     assert words(result)[:3] == ["ledger", "route", "leg"]
@@ -127,7 +126,6 @@ def test_two_legs() -> None:
     )
     team = {"R2": Pose(10.0, -3.5, 1.0), "R3": Pose(21.0, 4.0, -1.0)}
     result, body = drive(plain, team, config=PATIENT)
-    check_log(result, PATIENT)
     assert result.arrived, result.decisions
     assert body.pose.distance_to_m((30.0, 8.0)) - 1.5 <= 2.3
     _, route = result.plans[0]
@@ -169,7 +167,6 @@ def test_without_a_route_it_gives_up_where_it_stands(
     plain: Plain, others: dict[str, Pose], goal: GoalPictures | None, reason: str
 ) -> None:
     result, body = drive(plain, others, goal=goal)
-    check_log(result)
     assert not result.arrived and result.reason == reason
     assert words(result) == ["gave up"] and body.path == []
 
@@ -181,7 +178,6 @@ def test_what_vanishes_is_looked_for_where_it_was_and_given_up() -> None:
     goal = Thing("goal", GOAL_XY, visible_from=lambda p: p.x_m == TEAM["R2"].x_m)
     plain = Plain((goal, *plain.things))
     result, _ = drive(plain, TEAM)
-    check_log(result)
     assert not result.arrived
     assert "doubt" in words(result)  # it came to where the goal should be, and saw nothing of it
     assert "no other robot's panorama shows the goal" in result.reason  # R2 is not believed twice
@@ -197,7 +193,6 @@ def test_what_was_blocked_before_and_shows_nothing_now_is_not_driven_to_for_ever
     plain = Plain((Thing("goal", GOAL_XY, visible_from=seen_by_r2), *street().things[1:]))
     monkeypatch.setattr(Arrival, "is_blocked", lambda self, place: True)
     result, _ = drive(plain, TEAM)
-    check_log(result)
     assert "no other robot's panorama shows the goal" in result.reason  # R2 is not believed twice
     assert words(result).count("route") <= 2
 
@@ -214,7 +209,6 @@ def test_who_comes_by_again_from_elsewhere_is_led_to_a_landmark_anew() -> None:
 
 def test_a_robot_that_is_shut_in_is_blocked_and_gives_up() -> None:
     result, _ = drive(street(), TEAM, shut_in=True, config=PATIENT)
-    check_log(result, PATIENT)
     assert not result.arrived and "no chain of common landmarks leads there" in result.reason
     assert words(result)[:4] == ["ledger", "route", "leg", "blocked"]
     assert "reached" not in words(result)
@@ -234,7 +228,6 @@ def test_shut_in_with_the_goal_in_view() -> None:
         (TEAM, "no other robot's panorama shows the goal"),  # R2's sight of it is not believed
     ):
         result, _ = drive(plain, others, shut_in=True, config=PATIENT)
-        check_log(result, PATIENT)
         assert not result.arrived and result.reason == reason
         assert words(result)[0] == "approach" and words(result).count("blocked") == 2
         assert len(result.looks) < 20
@@ -247,15 +240,12 @@ def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
     posts = [Thing(f"post {k}", xy) for k, xy in enumerate(around)]
     plain = Plain((*street(visible_from=within(GOAL_XY, 9.0)).things, *posts))
     config = MissionConfig(limit_s=320.0, leg_limit_s=5.0, explores=False)
-    goal, index = STREET_GOAL, PlainIndex(street(), TEAM)
-    result, _ = drive(plain, {}, goal=goal, index=index, config=config)
-    check_log(result, config)
+    index = PlainIndex(street(), TEAM)
+    result, _ = drive(plain, {}, goal=STREET_GOAL, index=index, config=config)
     said = words(result)
     blocked = said.index("blocked")
     assert said[:4] == ["ledger", "route", "leg", "reached"] and "doubt" not in said[:blocked]
-    assert not any(
-        "R2" in decision.why for decision in result.decisions if decision.what == "doubt"
-    )
+    assert not any("R2" in d.why for d in result.decisions if d.what == "doubt")
     assert said[blocked : blocked + 3] == ["blocked", "plan again", "approach"]  # once more
     assert not result.arrived
 
@@ -264,16 +254,13 @@ def test_who_stood_before_a_goal_that_no_way_led_to_doubts_nobody() -> None:
 def test_time_runs_out(limit_s: float) -> None:
     config = MissionConfig(limit_s=limit_s, explores=False)
     result, body = drive(street(), TEAM, config=config)
-    check_log(result, config)
     assert not result.arrived and result.reason == f"out of time after {limit_s:g} s"
     assert body.time_ns <= (limit_s + config.tick_s) * 1e9 + 1e6
 
 
 def test_looks_run_out() -> None:
     config = MissionConfig(max_looks=3)
-    goal = STREET_GOAL
-    result, _ = drive(Plain(street().things[1:]), {}, goal=goal, config=config)
-    check_log(result, config)
+    result, _ = drive(Plain(street().things[1:]), {}, goal=STREET_GOAL, config=config)
     assert result.reason == "the goal was not found in 3 looks around" and len(result.looks) == 3
 
 
@@ -285,10 +272,8 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
             *street().things[1:],
         )
     )
-    goal = STREET_GOAL
     easy = replace(PATIENT, least_trust=0.2)
-    result, body = drive(plain, TEAM, goal=goal, config=easy)
-    check_log(result, easy)
+    result, body = drive(plain, TEAM, goal=STREET_GOAL, config=easy)
     assert not result.arrived
     assert goal_range_m(body) <= easy.arrival_m + 0.3  # it was looked at from right before it
     told = [d.why for d in result.decisions if d.what in ("leg", "approach", "doubt")]
@@ -333,7 +318,6 @@ def test_what_has_gone_is_not_sought_for_ever_whoever_saw_it(trust: float, why: 
     goal = then.goal("goal", 3.9, 3.4, -2.0, 1.0)
     perception = replace(PERCEPTION, trust=lambda a, b, found: trust)
     result, _ = drive(now, {}, goal=goal, index=index, config=PATIENT, perception=perception)
-    check_log(result, PATIENT)
     assert not result.arrived
     assert [d.why for d in result.decisions if d.what == "approach"].count("the goal") == 1
     assert why in [d.why for d in result.decisions]
@@ -346,7 +330,6 @@ def test_a_weak_chain_is_driven_once_looking_elsewhere_was_in_vain() -> None:
     refused, _ = drive(plain, TEAM, config=demanding)
     assert refused.reason == "the best chain is too unsure to be worth driving"
     result, _ = drive(plain, TEAM, config=replace(demanding, explores=True))
-    check_log(result, demanding)
     assert result.arrived and words(result)[:2] == ["no route", "explore"]
     assert result.plans[0][1].trust < demanding.least_trust
     assert result.decisions[0].values == {"trust": round(trust, 2)}
@@ -357,7 +340,6 @@ def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
     goal = street().goal("goal", 3.9, 3.4, -2.6, 1.0)
     for others in ({}, {"R2": Pose(2.0, -3.0)}):
         result, _ = drive(plain, others, goal=goal, config=PATIENT)
-        check_log(result, PATIENT)
         assert not result.arrived
         assert words(result)[:3] == ["approach", "circle", "doubt"]
         assert result.decisions[0].why == "the goal"
@@ -452,7 +434,6 @@ def test_a_trail_of_panoramas_leads_to_a_goal_that_was_seen_long_ago() -> None:
     newest, _ = drive(avenue(), {"R2": trail["R2"]}, start=start, goal=goal)
     assert not newest.arrived and "no other robot's panorama shows the goal" in newest.reason
     result, body = drive(avenue(), trail, start=start, goal=goal, config=QUICK)
-    check_log(result, QUICK)
     assert result.arrived, result.decisions
     assert body.pose.distance_to_m((60.0, 1.0)) < 1.5 + QUICK.arrival_m + 0.3
     assert len(result.plans[0][1].legs) >= 2
@@ -534,7 +515,6 @@ def test_who_lies_about_its_way_misleads_to_no_arrival_and_nobody_who_has_anothe
         theirs = {n: pose for n, pose in poses.items() if robot_of(n) in others}
         index = PlainIndex(avenue(), theirs, moved)
         result, body = drive(avenue(), theirs, start=start, goal=goal, index=index)
-        check_log(result)
         near = body.pose.distance_to_m((60.0, 1.0)) < 1.5 + QUICK.arrival_m + 0.3
         assert near == result.arrived, result.reason
         arrived[others] = result.arrived

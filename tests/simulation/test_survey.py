@@ -97,7 +97,7 @@ PAIR = ("R1", "R2")
         *((n, PAIR, MissionError, "cannot be shared out") for n in (5, 0, -2, 1)),
         (4, (), MissionError, "expected names of robots, each once, got none"),
         (4, ("R1", "R1"), MissionError, "each once, got R1, R1"),
-        (2, ("R1", "no\nname"), LedgerError, ""),  # a name must fit the ledger
+        (2, ("R1", "no\nname"), LedgerError, "."),  # a name must fit the ledger
     ],
 )
 def test_a_survey_that_cannot_be_is_refused(

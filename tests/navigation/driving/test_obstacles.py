@@ -11,20 +11,24 @@ BEAMS = beams_rad(72)
 HERE = Pose(0.0, 0.0)
 
 
-def ring_before(x_m: float, y_m: tuple[float, float]) -> NDArray[np.float64]:
-    """The range ring at the origin before a wall across the x axis from y to y."""
+def ring_before(x_m: float, y_m: tuple[float, float], here: Pose = HERE) -> NDArray[np.float64]:
+    """The range ring before a thin wall across the x axis from y to y."""
+    course = here.yaw_rad + BEAMS
     with np.errstate(divide="ignore", invalid="ignore"):
-        range_m = x_m / np.cos(BEAMS)
-        hits_m = range_m * np.sin(BEAMS)
-    hit = (np.cos(BEAMS) > 0) & (hits_m >= y_m[0]) & (hits_m <= y_m[1]) & (range_m < 8)
+        range_m = (x_m - here.x_m) / np.cos(course)
+        hits_m = here.y_m + range_m * np.sin(course)
+    hit = (hits_m >= y_m[0]) & (hits_m <= y_m[1]) & (range_m > 0) & (range_m < 8)
     return np.where(hit, range_m, 8.0)
 
 
-def test_the_unknown_is_taken_for_free() -> None:
+def test_the_unknown_is_taken_for_free_but_not_where_there_was_no_headway() -> None:
     met = ObstacleMap()
     assert met.course_rad(HERE, np.array([20.0, 20.0]), 1.0) == pytest.approx(np.pi / 4, abs=0.1)
     path = met.path_m(HERE, np.array([20.0, 0.0]), 1.0)
     assert np.hypot(*(path[-1] - [20.0, 0.0])) <= 1.0 and np.hypot(*path[0]) < 0.5
+    assert met.course_rad(HERE, np.array([0.5, 0.0]), 1.0) is None  # there, nothing is left
+    met.block(HERE, 0.0)
+    assert abs(met.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
 
 
 def test_a_path_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
@@ -63,22 +67,12 @@ def test_shut_in_the_path_ends_before_what_shuts_in() -> None:
     assert np.isinf(met.lengths_m(HERE, np.array([[10.0, 0.0]]))).all()
 
 
-def test_arrived_there_is_nothing_left_to_drive() -> None:
-    assert ObstacleMap().course_rad(HERE, np.array([0.5, 0.0]), 1.0) is None
-
-
 def test_out_of_a_nook_there_is_a_path() -> None:
     """A wall that is nearer than paths may come to one."""
     met = ObstacleMap()
     met.note(HERE, ring_before(0.42, (-3.0, 3.0)))
     path = met.path_m(HERE, np.array([-10.0, 0.0]), 1.0)
     assert np.hypot(*(path[-1] - [-10.0, 0.0])) <= 1.0
-
-
-def test_where_there_was_no_headway_something_is_taken_to_be() -> None:
-    met = ObstacleMap()
-    met.block(HERE, 0.0)
-    assert abs(met.course_rad(HERE, np.array([6.0, 0.0]), 1.0)) > 0.2
 
 
 def test_what_the_ring_sees_through_is_no_path_until_the_robot_has_been_elsewhere() -> None:
@@ -103,20 +97,11 @@ def test_memory_begins_where_the_robot_does_and_has_an_end() -> None:
         met.course_rad(Pose(5301.0, -5000.0), far.xy_m, 1.0)
 
 
-def ring_before_wall(here: Pose, half_m: float) -> NDArray[np.float64]:
-    """The range ring before a thin wall along the y axis from -half_m to half_m."""
-    course = here.yaw_rad + BEAMS
-    with np.errstate(divide="ignore", invalid="ignore"):
-        range_m = -here.x_m / np.cos(course)
-        hits_m = here.y_m + range_m * np.sin(course)
-    return np.where((range_m > 0) & (range_m < 8) & (np.abs(hits_m) <= half_m), range_m, 8.0)
-
-
 def driven(here: Pose, target: NDArray[np.float64], half_m: float) -> tuple[Pose, float]:
     """Where it ends that drives there past such a wall, and after how many metres."""
     met, way_m, tick_s = ObstacleMap(), 0.0, 0.3
     for _ in range(150):
-        ring = ring_before_wall(here, half_m)
+        ring = ring_before(0.0, (-half_m, half_m), here)
         met.note(here, ring)
         course = met.course_rad(here, target, 0.7)
         if course is None:

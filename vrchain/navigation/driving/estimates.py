@@ -1,7 +1,8 @@
 """Where a landmark or the goal is believed to be, in the frame of odometry, and how surely.
 
-Sights of it, each a bearing and a rough range, are weighed by their covariances (a Kalman filter
-without motion); odometry's drift makes an estimate less sure with the way driven.
+A sight is what one look tells of a thing: its bearing and a rough range. Sights are weighed by
+their covariances (a Kalman filter without motion); odometry's drift makes an estimate less sure
+with the way driven.
 """
 
 from dataclasses import dataclass

@@ -38,7 +38,7 @@ _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 @dataclass(frozen=True)
 class GoalSight:
-    """A sight: what one look tells of what may be the goal, in the robot's frame.
+    """A sight of what may be the goal, in the robot's frame.
 
     surface_m: how far its nearest side is; chance: that it is the goal.
     n_matches: keypoints that agree with one of its pictures, of n_shown that this shows on it.
