@@ -155,7 +155,7 @@ def spots_of(shown: Sequence[Thing], pose: Pose) -> Spots:
     seen = [t.spots(pose) for t in shown]
     owner = np.repeat(np.arange(len(seen)), [len(code) for _, _, code in seen])
     bearing, slope, code = (np.concatenate(part) for part in zip(*seen, strict=True))
-    return Spots(owner, bearing, slope, code)
+    return Spots(bearing, slope, owner, code)
 
 
 def embedding(looks: str) -> NDArray[np.float32]:

@@ -6,6 +6,7 @@ Lowe (2004), "Distinctive Image Features from Scale-Invariant Keypoints".
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from typing import Self
 
 import cv2
 import numpy as np
@@ -32,26 +33,24 @@ class Keypoints:
 
 
 @dataclass(frozen=True, eq=False)
-class Features:
-    """Keypoints of one panorama as directions in the robot's frame.
+class Directions:
+    """What is seen in some directions of the robot's frame.
 
-    bearing_rad (n,), slope (n,) tangent of elevation, size_rad (n,), descriptors (n, 128) uint8.
+    bearing_rad (n,), slope (n,) tangent of elevation, and what a subclass tells of each, (n, ...).
     """
 
     bearing_rad: NDArray[np.float64]
     slope: NDArray[np.float64]
-    size_rad: NDArray[np.float64]
-    descriptors: NDArray[np.uint8]
 
     def __len__(self) -> int:
         return len(self.bearing_rad)
 
-    def take(self, index: ArrayLike) -> "Features":
-        """The features at ``index`` (integers or a mask)."""
+    def take(self, index: ArrayLike) -> Self:
+        """Those at ``index`` (integers or a mask)."""
         i = np.asarray(index)
-        return Features(self.bearing_rad[i], self.slope[i], self.size_rad[i], self.descriptors[i])
+        return replace(self, **{name: values[i] for name, values in vars(self).items()})
 
-    def near(self, bearing_rad: float, half_rad: float) -> "Features":
+    def near(self, bearing_rad: float, half_rad: float) -> Self:
         """Those at most so far beside a bearing."""
         return self.take(np.abs(wrap_angle_rad(self.bearing_rad - bearing_rad)) <= half_rad)
 
@@ -59,6 +58,14 @@ class Features:
     def directions(self) -> NDArray[np.float64]:
         """(n, 2): bearing_rad and slope."""
         return np.column_stack([self.bearing_rad, self.slope])
+
+
+@dataclass(frozen=True, eq=False)
+class Features(Directions):
+    """Keypoints of one panorama: size_rad (n,), descriptors (n, 128) uint8."""
+
+    size_rad: NDArray[np.float64]
+    descriptors: NDArray[np.uint8]
 
 
 NO_FEATURES = Features(np.empty(0), np.empty(0), np.empty(0), np.empty((0, 128), dtype=np.uint8))

@@ -7,51 +7,34 @@ so that spots match where keypoints no longer do. Large landmarks give a sample 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.landmarks.extraction.raster import directions_of
+from vrchain.landmarks.extraction.sift import Directions
 from vrchain.panorama import CameraRig
-
-Array = NDArray[np.float64]
 
 EACH = 100  # of a proposal, at most
 ONE = 127.0  # in descriptors of unit length
 
 
 @dataclass(frozen=True, eq=False)
-class Spots:
-    """Spots of one panorama, (n,) each, in the order of their proposals' cells.
+class Spots(Directions):
+    """Spots of one panorama, in the order of their proposals' cells.
 
-    owner: the proposal; bearing_rad, slope: robot's frame; descriptors: (n, d) int8, of length
-    ``ONE``.
+    owner: (n,) the proposal; descriptors: (n, d) int8, of length ``ONE``.
     """
 
     owner: NDArray[np.int64]
-    bearing_rad: Array
-    slope: Array
     descriptors: NDArray[np.int8]
-
-    def __len__(self) -> int:
-        return len(self.owner)
-
-    def take(self, index: ArrayLike) -> "Spots":
-        """The spots at ``index`` (integers or a mask)."""
-        i = np.asarray(index)
-        return Spots(self.owner[i], self.bearing_rad[i], self.slope[i], self.descriptors[i])
 
     @property
     def unit(self) -> NDArray[np.float32]:
         """Descriptors (n, d) of unit length, so short that products are exact in float32."""
         return np.asarray(np.round(self.descriptors * (1024 / ONE)) / 1024, dtype=np.float32)
 
-    @property
-    def directions(self) -> Array:
-        """(n, 2): bearing_rad and slope."""
-        return np.column_stack([self.bearing_rad, self.slope])
 
-
-NO_SPOTS = Spots(np.empty(0, np.int64), np.empty(0), np.empty(0), np.empty((0, 1), dtype=np.int8))
+NO_SPOTS = Spots(np.empty(0), np.empty(0), np.empty(0, np.int64), np.empty((0, 1), np.int8))
 
 
 def described(proposals: Proposals) -> NDArray[np.int64]:
@@ -73,7 +56,7 @@ def spots_of(proposals: Proposals, rig: CameraRig, descriptors: NDArray[np.int8]
     """The spots of proposals; descriptors: (n, d) of those ``described``."""
     place = described(proposals)
     bearing_rad, slope = directions_of(proposals.cell[place], rig)
-    return Spots(proposals.owner[place], bearing_rad, slope, descriptors)
+    return Spots(bearing_rad, slope, proposals.owner[place], descriptors)
 
 
 def descriptors_of(proposals: Proposals, local: NDArray[np.float32]) -> NDArray[np.int8]:
