@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.homing.evaluation import RIG, Grid, answers, draw_place
+from vrchain.experiments.homing import RIG, Grid, answers, draw_place
 from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.plots.homing import home_vectors_figure
 from vrchain.plots.scripts import run_script

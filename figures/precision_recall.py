@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.figure import Figure
 
-from vrchain.experiments.landmarks.bands import precision_recall
+from vrchain.experiments.landmarks.over_distance import precision_recall
 from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.quality import precision_recall_figure
 from vrchain.plots.scripts import run_script

@@ -60,13 +60,13 @@ def landmarks(
 
     Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
-    from vrchain.experiments.landmarks import evaluation
+    from vrchain.experiments.landmarks import precision
     from vrchain.experiments.landmarks.scores import as_table, summarise
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
-    found = evaluation.evaluate(
-        scenes_of(spec), pairs, spacing, [evaluation.row(v) for v in variant or evaluation.ROWS],
+    found = precision.evaluate(
+        scenes_of(spec), pairs, spacing, [precision.row(v) for v in variant or precision.ROWS],
         seed=seed, folder=_kept(output, "landmarks"),
     )  # fmt: skip
     summary = summarise(*found)
@@ -102,16 +102,16 @@ def strangers(
     Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
     from vrchain.experiments.intervals import shown
-    from vrchain.experiments.landmarks import evaluation
+    from vrchain.experiments.landmarks import precision
     from vrchain.experiments.scenes import scenes_of
     from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 
     _check_seed(seed, allow_training_seeds)
-    found = evaluation.strangers(
+    found = precision.strangers(
         scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed,
         folder=_kept(output, "strangers"),
     )  # fmt: skip
-    table = evaluation.accused(found)
+    table = precision.accused(found)
     if not as_json:
         claimed = [shown(dict(row), "claimed") for _, row in table.iterrows()]
         table = table.assign(claimed=claimed).drop(columns="claimed_ci")
@@ -198,7 +198,7 @@ def homing(
     starts whose straight way is free. Intervals: 95 %, bootstrap over suburbs. Broken off, the same
     command goes on.
     """
-    from vrchain.experiments.homing import evaluation as experiment
+    from vrchain.experiments import homing as experiment
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)
@@ -251,8 +251,8 @@ def navigation(
     Minutes a mission. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes
     on.
     """
-    from vrchain.experiments.missions import evaluation as experiment
     from vrchain.experiments.missions import scores
+    from vrchain.experiments.missions import success as experiment
     from vrchain.experiments.scenes import scenes_of
 
     _check_seed(seed, allow_training_seeds)

@@ -14,7 +14,7 @@ from conftest import SAID
 from worlds import in_two_processes, walled, world, yard
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks.bands import VARIANTS
+from vrchain.experiments.landmarks.over_distance import VARIANTS
 from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
 from vrchain.experiments.reproduction import stages as reproduction
 from vrchain.experiments.reproduction.paper import OURS, TABLE

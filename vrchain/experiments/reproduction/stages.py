@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.landmarks import bands as landmark_bands
+from vrchain.experiments.landmarks import over_distance as landmark_bands
 from vrchain.experiments.landmarks import pairs as landmarks
 from vrchain.experiments.ledger import latency
 from vrchain.experiments.reproduction.results import (

@@ -14,9 +14,9 @@ from sights import RIG
 
 from vrchain.errors import MissionError
 from vrchain.experiments.missions import draw as missions
-from vrchain.experiments.missions import evaluation as navigation
+from vrchain.experiments.missions import success as navigation
 from vrchain.experiments.missions.draw import Mission
-from vrchain.experiments.missions.evaluation import evaluate
+from vrchain.experiments.missions.success import evaluate
 from vrchain.experiments.scenes import Scenes
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord
@@ -102,7 +102,7 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
         return simulators[-1]
 
     monkeypatch.setattr(navigation, "Simulator", simulator)
-    monkeypatch.setattr(navigation, "learned_eyes", blind)
+    monkeypatch.setattr(navigation, "learned_perception", blind)
     nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
     monkeypatch.setattr(navigation.Suburb, "_goal", lambda *mission: nowhere)
     table, (drawn,) = evaluate(

@@ -6,8 +6,8 @@ import pytest
 import worlds
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks import bands as landmark_bands
-from vrchain.experiments.landmarks.bands import by_band, over_distance, precision_recall
+from vrchain.experiments.landmarks import over_distance as landmark_bands
+from vrchain.experiments.landmarks.over_distance import by_band, over_distance, precision_recall
 from vrchain.experiments.scenes import Scenes
 from vrchain.world import Scene
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.landmarks.evaluation import evaluate, row
+from vrchain.experiments.landmarks.precision import evaluate, row
 from vrchain.experiments.landmarks.scores import from_score, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each

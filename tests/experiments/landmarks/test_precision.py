@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks.evaluation import accused, evaluate, row, strangers
+from vrchain.experiments.landmarks.precision import accused, evaluate, row, strangers
 from vrchain.experiments.landmarks.scores import as_table, summarise
 from vrchain.experiments.scenes import Scenes, suburbs
 from vrchain.world.model import Scene

@@ -9,7 +9,7 @@ from sights import yard
 from worlds import SMALL_RIG, box, plain, world
 
 from vrchain.errors import MissionError
-from vrchain.experiments.homing.evaluation import (
+from vrchain.experiments.homing import (
     COMPASS,
     Free,
     Grid,

@@ -4,11 +4,11 @@ import json
 from pathlib import Path
 
 import pytest
-from test_homing_evaluation import field
+from test_homing_experiment import field
 
 from vrchain.cli import app
 from vrchain.errors import MissionError
-from vrchain.experiments.homing import evaluation as homing
+from vrchain.experiments import homing as homing
 from vrchain.paths import SCENES
 
 SUBURB = str(SCENES / "suburb.yaml")
