@@ -8,7 +8,8 @@ import pytest
 import worlds
 
 from vrchain.errors import MissionError, SpecError
-from vrchain.experiments.rendering import COLUMNS, bench_render
+from vrchain.experiments.rendering import bench_render
+from vrchain.experiments.stopwatch import COLUMNS
 from vrchain.geometry import Pose
 from vrchain.world.render import Renderer
 from vrchain.world.render.reference import LitRenderer

@@ -4,7 +4,7 @@ import pytest
 pytest.importorskip("torch", reason="proposals need torch (extra `learned`)")
 
 from vrchain.experiments.landmarks.speed import bench_landmarks
-from vrchain.experiments.rendering import COLUMNS
+from vrchain.experiments.stopwatch import COLUMNS
 from vrchain.paths import SCENES
 
 

@@ -1,12 +1,19 @@
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pandas as pd
 import pytest
 
 from vrchain.errors import MissionError
-from vrchain.experiments.landmarks.precision import accused, evaluate, row, strangers
-from vrchain.experiments.landmarks.scores import as_table, summarise
+from vrchain.experiments.landmarks.precision import (
+    as_table,
+    evaluate,
+    row,
+    summarise,
+    summarise_survey,
+)
+from vrchain.experiments.landmarks.strangers import accused, strangers
 from vrchain.experiments.scenes import Scenes, suburbs
 from vrchain.world.model import Scene
 from vrchain.world.spec import SceneSpec
@@ -56,6 +63,21 @@ def test_figures_are_what_the_definitions_say() -> None:
     for name in ("pair_success", "precision", "recall"):
         low, high = found[f"{name}_ci"]
         assert 0 <= low <= found[name] <= high <= 1
+
+
+def test_a_survey_is_summarised_by_the_same_definitions() -> None:
+    """Its pairs without a claim have a row of their own, as in one scene's table."""
+    silent = pd.DataFrame([{"suburb": 1, "pair": 1}])
+    counted = pd.concat([CLAIMS[CLAIMS.score >= 0.5], silent])
+    table = counted.merge(PAIRS[["suburb", "pair", "co_visible"]], on=["suburb", "pair"])
+    table["pair"] += 2 * table.pop("suburb")
+    before = table.copy()
+    found, known = summarise_survey(table), summarise(CLAIMS, PAIRS)["sift"]
+    assert found.pop("n_claims") == 5
+    assert found == {name: known[name] for name in found}
+    pd.testing.assert_frame_equal(table, before)
+    none = summarise_survey(table.assign(score=np.nan))
+    assert (none["precision"], none["pair_success"], none["n_claims"]) == (None, 0.0, 0)
 
 
 def test_recall_at_a_precision_is_that_of_the_best_threshold() -> None:

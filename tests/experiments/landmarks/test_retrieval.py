@@ -66,7 +66,7 @@ def test_without_sift_there_is_nothing_beside() -> None:
 def test_where_no_goal_is_seen_that_is_said(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(search, "_search_in", lambda *asked: pd.DataFrame())
+    monkeypatch.setattr(search, "_search_in", lambda *asked: [])
     with pytest.raises(MissionError, match="ask for more panoramas"):
         evaluate(scenes_of(SUBURB), 1, SearchConfig(1, 1), seed=3000, folder=tmp_path)
 

@@ -7,8 +7,9 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vrchain.experiments.missions.draw import Mission, TrueChain
-from vrchain.experiments.missions.scores import as_table, routes_of, routes_table, summarise
+from vrchain.experiments.missions.chains import TrueChain
+from vrchain.experiments.missions.draw import Mission
+from vrchain.experiments.missions.success import as_table, routes_of, routes_table, summarise
 from vrchain.geometry import Pose
 
 

@@ -13,9 +13,10 @@ from plains import CALIBRATION
 from sights import RIG
 
 from vrchain.errors import MissionError
-from vrchain.experiments.missions import draw as missions
-from vrchain.experiments.missions import success as navigation
+from vrchain.experiments.missions import draw, drive, success
+from vrchain.experiments.missions.chains import PLACE
 from vrchain.experiments.missions.draw import Mission
+from vrchain.experiments.missions.drive import Conditions
 from vrchain.experiments.missions.success import evaluate
 from vrchain.experiments.scenes import Scenes
 from vrchain.landmarks.extraction.proposer import nothing
@@ -28,18 +29,17 @@ from vrchain.simulation.simulator import Simulator
 from vrchain.world.model import Scene
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
-SHORT = MissionConfig(limit_s=150.0)
+SHORT = Conditions(20.0, config=MissionConfig(limit_s=150.0))
 
 
 @pytest.fixture(autouse=True)
 def _short_ways(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(missions, "WAY_M", (12.0, 60.0))
+    monkeypatch.setattr(draw, "WAY_M", (12.0, 60.0))
 
 
 def oracle(folder: Path, jobs: int = 1) -> tuple[pd.DataFrame, list[Mission]]:
     return evaluate(
-        HAMLET, 2, 4, ["oracle"], seed=3, folder=folder, rig=RIG, config=SHORT, patrol_s=20.0,
-        jobs=jobs,
+        HAMLET, 2, 4, ["oracle"], seed=3, folder=folder, rig=RIG, conditions=SHORT, jobs=jobs
     )  # fmt: skip
 
 
@@ -51,9 +51,9 @@ def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
     assert table.success.all() and table.arrived.all(), table.reason.to_list()
     assert (table.collisions == 0).all()
     assert (table.driven_m > 0).all() and (table.range_m <= 3.0).all()
-    assert (table.seconds_simulated <= SHORT.limit_s + 1).all()
+    assert (table.seconds_simulated <= SHORT.config.limit_s + 1).all()
     assert (table.published > 6).all()  # three others, who drove about and published again
-    monkeypatch.setattr(navigation, "Suburb", None)  # nothing is left to do
+    monkeypatch.setattr(success, "Suburb", None)  # nothing is left to do
     again, same = oracle(tmp_path)
     pd.testing.assert_frame_equal(table, again)
     assert same == drawn
@@ -75,10 +75,10 @@ def test_two_processes_at_once_find_the_same(tmp_path: Path) -> None:
 
 def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
     table, drawn = evaluate(
-        HAMLET, 1, 4, ["oracle"], seed=3, folder=tmp_path, rig=RIG, config=SHORT, to_places=True,
-        patrol_s=20.0,
+        HAMLET, 1, 4, ["oracle"], seed=3, folder=tmp_path, rig=RIG, conditions=SHORT,
+        to_places=True,
     )  # fmt: skip
-    assert drawn[0].goal == missions.PLACE
+    assert drawn[0].goal == PLACE
     assert table.success.all() and (table.range_m <= 1.0).all(), table.reason.to_list()
     assert (table.collisions == 0).all()
 
@@ -101,13 +101,13 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
         simulators.append(Simulator(*args, **options))
         return simulators[-1]
 
-    monkeypatch.setattr(navigation, "Simulator", simulator)
-    monkeypatch.setattr(navigation, "learned_perception", blind)
+    monkeypatch.setattr(drive, "Simulator", simulator)
+    monkeypatch.setattr(drive, "learned_perception", blind)
     nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
-    monkeypatch.setattr(navigation.Suburb, "_goal", lambda *mission: nowhere)
+    monkeypatch.setattr(drive.Suburb, "_goal", lambda *mission: nowhere)
     table, (drawn,) = evaluate(
         HAMLET, 1, 4, ["ledger", "alone"], seed=3, folder=tmp_path, rig=RIG,
-        config=MissionConfig(limit_s=15.0), patrol_s=20.0,
+        conditions=Conditions(20.0, config=MissionConfig(limit_s=15.0)),
     )  # fmt: skip
     ways, whys = [], []
     for arm, world in zip(table.arm, simulators, strict=True):
@@ -138,9 +138,9 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
         ({"arms": ["magic"]}, "and arms of ledger, alone, oracle, got 1 and magic"),
         ({"arms": []}, "and arms of ledger, alone, oracle, got 1 and "),
         ({"n_robots": 1}, "expected 2 to 20 robots, got 1"),
-        ({"wrong_edges": 1.1}, "a share of wrong edges from 0 to 1, got 1.1"),
-        ({"barred": float("nan")}, "a share of barred legs from 0 to 1, got nan"),
-        ({"patrol_s": -1.0}, "seconds of patrol, 0 or more, got -1.0"),
+        ({"conditions": {"wrong_edges": 1.1}}, "a share of wrong edges from 0 to 1, got 1.1"),
+        ({"conditions": {"barred": float("nan")}}, "a share of barred legs from 0 to 1, got nan"),
+        ({"conditions": {"patrol_s": -1.0}}, "seconds of patrol, 0 or more, got -1.0"),
         ({"landmarks": -1}, "chains of 0 landmarks or more, got -1"),
     ],
 )
@@ -150,5 +150,6 @@ def test_what_cannot_be_asked(asked: dict[str, Any], refusal: str, tmp_path: Pat
 
     with pytest.raises(MissionError, match=refusal):
         usual = {"n_missions": 1, "n_robots": 4, "arms": ["oracle"], "seed": 3}
+        asked = {**asked, "conditions": Conditions(**asked.pop("conditions", {}))}
         evaluate(Scenes(unbuilt, ""), folder=tmp_path, **{**usual, **asked})
     assert not any(tmp_path.iterdir())

@@ -85,8 +85,10 @@ def test_gains_depend_on_what_is_drawn_anew(drives: pd.DataFrame) -> None:
     assert again.gain_ci[0] > 0.3 and mended.gain < 0.05 < again.gain
 
 
-def test_text_has_every_rule_and_the_same_seed_gives_the_same_table(table: pd.DataFrame) -> None:
-    text = as_text(table)
+def test_text_has_every_rule_and_the_same_seed_gives_the_same_table(
+    table: pd.DataFrame, drives: pd.DataFrame
+) -> None:
+    text = as_text(table, gains(drives, seed=3000))
     assert all(f"one drive, {rule}\n" in text for rule in (AS_PUBLISHED, TO_TARGET, TO_VIEWER))
     assert "landmarks on a segment" in text and "nan" not in text.lower()
     once, again = (one_drive(1, 3, seed=3000, teams=(10,)) for _ in range(2))

@@ -1,6 +1,6 @@
 """Common landmarks over the distance between two robots, by variant."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.landmarks.precision import evaluate, row
-from vrchain.experiments.landmarks.scores import from_score, summarise
+from vrchain.experiments.landmarks.precision import evaluate, from_score, row, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.landmarks.matching.variants import DEFAULT
@@ -32,14 +31,15 @@ def over_distance(
     variants: Sequence[str] = VARIANTS,
     jobs: int | None = 1,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Claims and pairs of ``landmark_evaluation.evaluate``, with a column band_m ("1-10").
+    """Claims and pairs of ``precision.evaluate``, with a column band_m ("1-10").
 
     n_pairs: in each band of spacings ``bands_m`` (metres), in the same suburbs in all of them.
     jobs: see ``workers.each``.
     """
     _scene.cache_clear()
     once = replace(scenes, scene=partial(_scene, scenes))
-    work = partial(_band, once, n_pairs, bands_m, variants, seed, folder, rig)
+    measure = partial(evaluate, once, n_pairs, seed=seed, folder=folder, rig=rig)
+    work = partial(_band, measure, bands_m, variants)
     claims, pairs = zip(*each(work, range(len(bands_m)), jobs, "bands"), strict=True)
     return pd.concat(claims, ignore_index=True), pd.concat(pairs, ignore_index=True)
 
@@ -50,19 +50,14 @@ def _scene(scenes: Scenes, seed: int, k: int) -> Scene:
 
 
 def _band(
-    scenes: Scenes,
-    n_pairs: int,
+    measure: Callable[..., tuple[pd.DataFrame, pd.DataFrame]],
     bands_m: Sequence[tuple[float, float]],
     variants: Sequence[str],
-    seed: int,
-    folder: Path,
-    rig: CameraRig,
     number: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The tables of one band."""
     low_m, high_m = bands_m[number]
-    rows, spacing_m = [row(name) for name in variants], (low_m, high_m)
-    claims, pairs = evaluate(scenes, n_pairs, spacing_m, rows, seed=seed, folder=folder, rig=rig)
+    claims, pairs = measure((low_m, high_m), [row(name) for name in variants])
     band_m = f"{low_m:g}-{high_m:g}"
     return claims.assign(band_m=band_m), pairs.assign(band_m=band_m)
 
@@ -72,7 +67,7 @@ def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
 
     One row a band and variant: band_m, variant, suburbs, landmarks_a_pair (co-visible ones),
     right_a_pair and wrong_a_pair (claims, no duplicates), the figures of
-    ``landmark_scores.summarise``, 95 % intervals as NAME_low and NAME_high (NaN where there is
+    ``precision.summarise``, 95 % intervals as NAME_low and NAME_high (NaN where there is
     none), and the quartiles quality_m_q25 and quality_m_q75.
     """
     rows: list[dict[str, object]] = []
@@ -131,11 +126,7 @@ def _flat(figures: Mapping[str, object]) -> dict[str, object]:
             ends = value if isinstance(value, list) else (np.nan, np.nan)
             flat |= dict(zip((f"{name[:-3]}_low", f"{name[:-3]}_high"), ends, strict=True))
         elif isinstance(value, dict):
-            flat |= {f"{name}_{key}": _or_nan(one) for key, one in value.items()}
+            flat |= {f"{name}_{key}": one for key, one in value.items()}
         else:
-            flat[name] = _or_nan(value)
-    return flat
-
-
-def _or_nan(value: object) -> object:
-    return np.nan if value is None else value
+            flat[name] = value
+    return {name: np.nan if value is None else value for name, value in flat.items()}

@@ -1,28 +1,28 @@
-"""How well two robots agree on what both see: precision, recall and pose, by variant.
+"""How the precision of common landmarks is measured, and recall and relative pose: by variant.
 
-Pairs of poses in suburb after suburb, about ten in each; each suburb's claims are saved as they
-come, so that a run broken off goes on with the next.
+``evaluate`` draws pairs of poses in suburb after suburb, about ten in each, and judges every claim
+of each variant by ground truth: a row a claim and a row a pair. ``summarise`` makes the figures of
+them, as docs/definitions.md has them, ``as_table`` a table to read.
 """
 
-import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
-from itertools import combinations
+from dataclasses import asdict, replace
+from functools import partial
 from pathlib import Path
 from time import perf_counter
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import resampled, share, sums
-from vrchain.experiments.landmarks.pairs import draw_pairs, draw_poses
+from vrchain.experiments.intervals import Bootstrap, or_none, ratio, shown, table_of
+from vrchain.experiments.kept import folder_of, kept_each
+from vrchain.experiments.landmarks.pairs import draw_pairs, judged
 from vrchain.experiments.scenes import Scenes
-from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.sift import Features, mutual_matches
+from vrchain.landmarks.matching.calibration import expected_calibration_error
 from vrchain.landmarks.matching.common import (
     CommonLandmark,
     Comparison,
@@ -32,17 +32,21 @@ from vrchain.landmarks.matching.common import (
 )
 from vrchain.landmarks.matching.epipolar import estimate
 from vrchain.landmarks.matching.variants import DEFAULT, Variant, sift, variant_named
-from vrchain.landmarks.quality import co_visible, judge, names_in_common
+from vrchain.landmarks.quality import names_in_common
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.seeding import generator
-from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 PAIRS_A_SUBURB = 10
 LEAST_SCORE = 0.02  # claims are kept from here on, to see what other thresholds would do
+PRECISIONS = (0.90, 0.95, 0.98)
 GIVEN = "sift, regions given"
 ROWS = ("sift", GIVEN, "cnn", DEFAULT)
+_CLAIM = (
+    "pair", "variant", "score", "right", "shared", "twin", "duplicate", "quality_m", "support",
+    "object_a", "object_b",
+)  # fmt: skip
+_KEY = ["suburb", "pair"]
 
 
 def row(name: str) -> Variant:
@@ -62,111 +66,80 @@ def evaluate(
     folder: Path,
     rig: CameraRig | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Claims and pairs of ``n_pairs`` random pairs, one row each (see ``_suburb``).
+    """Claims and pairs of ``n_pairs`` random pairs, one row each; what is under ``folder`` is read.
 
-    suburb: in a world that stays as it is, each pair has a number of its own: intervals are over
-    pairs there. What was found already under ``folder`` is read from there.
+    Claims: suburb, pair, variant, score, right, shared (right, and the landmark co-visible), twin,
+    duplicate, quality_m, support, object_a, object_b. Pairs: suburb, pair, variant, claimed (the
+    score from which a claim counts), spacing_m, co_visible, ms, direction_error_deg and
+    heading_error_deg (180: no answer). In a world that stays as it is, each pair has a suburb's
+    number of its own: intervals are over pairs there.
     """
     if n_pairs < 1 or not 0 < spacing_m[0] <= spacing_m[1] < np.inf:
         raise MissionError(
             f"expected 1 pair or more and 0 < MIN <= MAX metres, got {n_pairs} and {spacing_m}"
         )
     rig = rig or CameraRig()
-    own = _own_folder(folder, scenes, list(spacing_m), variants, seed, rig)
-    suburbs = -(-n_pairs // PAIRS_A_SUBURB)
-    claims, pairs = [], []
-    for k in tqdm(range(suburbs), desc="suburbs", unit="", disable=None):
-        n = min(PAIRS_A_SUBURB, n_pairs - k * PAIRS_A_SUBURB)
-        file = own / f"suburb_{k:04d}_{n}.json"
-        if not file.exists():
-            found = _suburb(scenes.scene(seed, k), n, spacing_m, variants, seed, k, rig)
-            write_file(file, json.dumps(found).encode())
-        stored = json.loads(file.read_text())
-        claims += [{"suburb": k, **row} for row in stored["claims"]]
-        pairs += [{"suburb": k, **row} for row in stored["pairs"]]
-    table, made = pd.DataFrame(pairs), pd.DataFrame(claims, columns=["suburb", *_CLAIM])
+    own = folder_of(folder, scenes, list(spacing_m), makers(variants), seed, asdict(rig))
+    sizes = [min(PAIRS_A_SUBURB, n_pairs - n) for n in range(0, n_pairs, PAIRS_A_SUBURB)]
+    files = [own / f"suburb_{k:04d}_{n}.json" for k, n in enumerate(sizes)]
+    find = partial(_suburb, scenes, sizes, spacing_m, variants, seed, rig)
+    found = kept_each(find, files, 1, "suburbs")
+    claims, pairs = (
+        [{"suburb": k, **row} for k, suburb in enumerate(found) for row in suburb[name]]
+        for name in ("claims", "pairs")
+    )
+    made, drawn = pd.DataFrame(claims, columns=["suburb", *_CLAIM]), pd.DataFrame(pairs)
     if not scenes.varied:
-        made, table = (t.assign(suburb=t.suburb * PAIRS_A_SUBURB + t.pair) for t in (made, table))
-    return made, table
+        made, drawn = (t.assign(suburb=t.suburb * PAIRS_A_SUBURB + t.pair) for t in (made, drawn))
+    return made, drawn
 
 
-def _own_folder(
-    folder: Path, scenes: Scenes, what: list, variants: Sequence[Variant], seed: int, rig: CameraRig
-) -> Path:
-    """Where what was found of just this is kept. MissionError for two variants of one name."""
-    if len({v.name for v in variants}) < len(variants):
+def makers(variants: Sequence[Variant]) -> list[tuple[str, str]]:
+    """What results of variants depend on. MissionError for two variants of one name."""
+    names = [v.name for v in variants]
+    if len({*names}) < len(names):
         raise MissionError(
-            f"expected variants of different names, got {', '.join(v.name for v in variants)}: "
+            f"expected variants of different names, got {', '.join(names)}: "
             "their results could not be told apart"
         )
-    made_by = [(v.name, v.maker) for v in variants]
-    asked = [code_digest(), scenes.digest, what, made_by, seed, asdict(rig)]
-    return folder / name_of(asked)
-
-
-_CLAIM = (
-    "pair", "variant", "score", "right", "shared", "twin", "duplicate", "quality_m", "support",
-    "object_a", "object_b",
-)  # fmt: skip
+    return [(v.name, v.maker) for v in variants]
 
 
 def _suburb(
-    scene: Scene,
-    n_pairs: int,
+    scenes: Scenes,
+    sizes: Sequence[int],
     spacing_m: tuple[float, float],
     variants: Sequence[Variant],
     seed: int,
-    k: int,
     rig: CameraRig,
+    k: int,
 ) -> dict[str, list[dict[str, object]]]:
-    """Claims and pairs of one suburb, a row each.
-
-    Claims: pair, variant, score, right, shared (right, and the landmark co-visible), twin,
-    duplicate, quality_m, support, object_a, object_b. Pairs: pair, variant, claimed (the score from
-    which a claim counts), spacing_m, co_visible, ms, direction_error_deg and heading_error_deg
-    (180: no answer).
-    """
+    """Claims and pairs of suburb ``k``, a row each."""
+    scene = scenes.scene(seed, k)
     renderer, truth = Renderer(scene), GroundTruth(scene)
-    poses = list(draw_pairs(scene, n_pairs, spacing_m, seed * 100_003 + k))
     claims: list[dict[str, object]] = []
     pairs: list[dict[str, object]] = []
-    for number, (a, b) in enumerate(poses):
-        first, second = (_look(renderer.render(pose, rig), variants) for pose in (a, b))
-        shared = names_in_common(truth, a, b, rig)
+    drawn = list(draw_pairs(scene, sizes[k], spacing_m, seed * 100_003 + k))
+    for number, poses in enumerate(drawn):
+        looks = [looks_of(renderer.render(pose, rig), variants) for pose in poses]
+        shared = names_in_common(truth, *poses, rig)
         for variant in variants:
-            look_a, look_b = first[variant.look], second[variant.look]
-            features = variant.keypoints(look_a), variant.keypoints(look_b)
+            a, b = (look[variant.look] for look in looks)
+            features = variant.keypoints(a), variant.keypoints(b)
             start = perf_counter()
             if variant.name == GIVEN:
-                found = regions_given(*features, rig, (a, b), truth)
+                found = regions_given(*features, rig, poses, truth)
             else:
-                found = variant.compare(look_a, look_b)
+                found = variant.compare(a, b)
             ms = (perf_counter() - start) * 1e3
-            for claim, verdict in zip(
-                found.common, judge(found, truth, (a, b), features, rig), strict=True
-            ):
-                claims.append(
-                    {
-                        "pair": number,
-                        "variant": variant.name,
-                        "score": claim.score,
-                        "right": verdict.right,
-                        "shared": verdict.right and verdict.object_a in shared,
-                        "twin": verdict.twin,
-                        "duplicate": verdict.duplicate,
-                        "quality_m": verdict.quality_m,
-                        "support": len(claim.support_a),
-                        "object_a": verdict.object_a,
-                        "object_b": verdict.object_b,
-                    }
-                )
-            direction, heading = _pose_errors_deg(found, a, b)
+            which = {"pair": number, "variant": variant.name}
+            claims += [which | row for row in judged(found, truth, poses, features, rig, shared)]
+            direction, heading = _pose_errors_deg(found, *poses)
             pairs.append(
                 {
-                    "pair": number,
-                    "variant": variant.name,
+                    **which,
                     "claimed": variant.claimed,
-                    "spacing_m": a.distance_to_m(b.xy_m),
+                    "spacing_m": poses[0].distance_to_m(poses[1].xy_m),
                     "co_visible": len(shared),
                     "ms": ms,
                     "direction_error_deg": direction,
@@ -176,109 +149,9 @@ def _suburb(
     return {"claims": claims, "pairs": pairs}
 
 
-def _look(panorama: Panorama, variants: Sequence[Variant]) -> dict[Any, Any]:
+def looks_of(panorama: Panorama, variants: Sequence[Variant]) -> dict[Any, Any]:
     """What each way to look keeps of a panorama; several variants may share one."""
     return {look: look(panorama) for look in dict.fromkeys(v.look for v in variants)}
-
-
-def strangers(
-    scenes: Scenes,
-    n_pairs: int,
-    variants: Sequence[Variant],
-    *,
-    seed: int,
-    folder: Path,
-    rig: CameraRig | None = None,
-) -> pd.DataFrame:
-    """Pairs with nothing in common, half of one suburb, half of two: one row a pair and variant.
-
-    Columns: suburb, pair, variant, two_suburbs, score (of the surest claim, 0 without any). What
-    was found already under ``folder`` is read from there. MissionError if the scenes do not differ.
-    """
-    if n_pairs < 1:
-        raise MissionError(f"expected 1 pair or more, got {n_pairs}")
-    if not scenes.varied:
-        raise MissionError(
-            "expected the spec of a suburb, of which many are drawn, got one world: "
-            "what stands in it is no stranger to itself"
-        )
-    rig = rig or CameraRig()
-    own = _own_folder(folder, scenes, ["strangers"], variants, seed, rig)
-    wanted = {False: n_pairs - n_pairs // 2, True: n_pairs // 2}
-    made: dict[bool, list[dict[str, object]]] = {False: [], True: []}
-    before: _Seen | None = None
-    with tqdm(total=n_pairs, desc="pairs of strangers", unit="", disable=None) as progress:
-        for k in range(10 * n_pairs):
-            if all(len(made[two]) >= wanted[two] * len(variants) for two in made):
-                break
-            file = own / f"suburb_{k:04d}.json"
-            if not file.exists():
-                if k and before is None:
-                    before = _seen(scenes, variants, seed, k - 1, rig)
-                here = _seen(scenes, variants, seed, k, rig)
-                write_file(file, json.dumps(_strangers_of(here, before, variants)).encode())
-                before = here
-            else:
-                before = None
-            for row in json.loads(file.read_text()):
-                two = row["two_suburbs"]
-                if len(made[two]) < wanted[two] * len(variants):
-                    made[two].append({"suburb": k, **row})
-            progress.update(sum(map(len, made.values())) // len(variants) - progress.n)
-    return pd.DataFrame([*made[False], *made[True]])
-
-
-@dataclass(frozen=True, eq=False)
-class _Seen:
-    """What is made of a suburb's panoramas, and which two of them have nothing in common."""
-
-    looks: list[dict[Any, Any]]
-    apart: list[tuple[int, int]]
-
-
-def _seen(scenes: Scenes, variants: Sequence[Variant], seed: int, k: int, rig: CameraRig) -> _Seen:
-    scene = scenes.scene(seed, k)
-    renderer, truth = Renderer(scene), GroundTruth(scene)
-    poses = draw_poses(scene, PAIRS_A_SUBURB, generator(seed, "strangers", k))
-    looks = [_look(renderer.render(pose, rig), variants) for pose in poses]
-    apart = [
-        (i, j)
-        for i, j in combinations(range(len(poses)), 2)
-        if not co_visible(truth, poses[i], poses[j], rig)
-    ]
-    return _Seen(looks, apart)
-
-
-def _strangers_of(
-    here: _Seen, before: _Seen | None, variants: Sequence[Variant]
-) -> list[dict[str, object]]:
-    """Rows of pairs within a suburb, and of pairs with the suburb before, as many at most."""
-    pairs = [(False, here.looks[i], here.looks[j]) for i, j in here.apart[:PAIRS_A_SUBURB]]
-    if before is not None:
-        pairs += [(True, a, b) for a, b in zip(before.looks, here.looks, strict=True)]
-    rows: list[dict[str, object]] = []
-    for number, (two, a, b) in enumerate(pairs):
-        for variant in variants:
-            claims = variant.compare(a[variant.look], b[variant.look]).common
-            score = max((c.score for c in claims), default=0.0)
-            rows.append(
-                {"pair": number, "variant": variant.name, "two_suburbs": two, "score": score}
-            )
-    return rows
-
-
-def accused(found: pd.DataFrame) -> pd.DataFrame:
-    """Of ``strangers``, the share of pairs with a claim, and its 95 % interval over suburbs.
-
-    Columns: variant, two_suburbs, pairs, claimed, claimed_ci.
-    """
-    rows: list[dict[str, object]] = []
-    for (variant, two), own in found.groupby(["variant", "two_suburbs"], sort=False):
-        suburbs = np.unique(own.suburb)
-        again = resampled(len(suburbs), 0, "strangers")
-        told = share("claimed", *sums(own.score > 0, own.suburb, suburbs), again)
-        rows.append({"variant": variant, "two_suburbs": two, "pairs": len(own), **told})
-    return pd.DataFrame(rows)
 
 
 def regions_given(
@@ -312,3 +185,115 @@ def _pose_errors_deg(found: Comparison, a: Pose, b: Pose) -> tuple[float, float]
     heading = found.geometry.heading_rad - (b.yaw_rad - a.yaw_rad)
     off = np.degrees(np.abs(wrap_angle_rad(np.array([direction, heading]))))
     return float(off[0]), float(off[1])
+
+
+def summarise(
+    claims: pd.DataFrame, pairs: pd.DataFrame, *, seed: int = 0
+) -> dict[str, dict[str, object]]:
+    """The figures of each variant, as docs/definitions.md has them, with 95 % intervals.
+
+    Intervals: bootstrap over suburbs.
+    """
+    return {
+        str(variant): _summary(claims[claims.variant == variant], own, seed)
+        for variant, own in pairs.groupby("variant", sort=False)
+    }
+
+
+def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, object]:
+    score = float(pairs.claimed.iloc[0])
+    made = claims[(claims.score >= score) & ~claims.duplicate.astype(bool)]
+    fair = pairs[pairs.co_visible > 0]
+    found: dict[str, object] = {
+        **_rates(made, pairs, Bootstrap(pairs.suburb, seed, "landmarks")),
+        "recall_at_precision": {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS},
+        "twin_claims": int(made.twin.astype(bool).sum()),
+        "duplicates": int((claims.score >= score).sum() - len(made)),
+        "quality_m_mean": or_none(made.quality_m.mean()),
+        "quality_m_median": or_none(made.quality_m.median()),
+        "claims_per_pair": len(made) / len(pairs),
+        "ms_per_pair": float(pairs.ms.median()),
+    }
+    for name in ("heading_error_deg", "direction_error_deg"):
+        found[name] = or_none(fair[name].median())
+        found[f"{name}_answered"] = or_none((fair[name] < 180.0).mean())
+    found["calibration_error"] = (
+        expected_calibration_error(made.score.to_numpy(float), made.right.to_numpy(bool))
+        if len(made)
+        else None
+    )
+    return found
+
+
+def _rates(made: pd.DataFrame, pairs: pd.DataFrame, told: Bootstrap) -> dict[str, object]:
+    """How many pairs there are, and what became of them; made: the claims that count."""
+    surest = made.sort_values("score", ascending=False, kind="stable").groupby(_KEY).right.first()
+    of_pair = pd.MultiIndex.from_frame(pairs[_KEY])
+    success = pd.Series(surest.reindex(of_pair).eq(True).to_numpy(), pairs.index)
+    accused = pd.Series(of_pair.isin(surest.index), pairs.index)
+    fair, empty = pairs[pairs.co_visible > 0], pairs[pairs.co_visible == 0]
+    shared = told.sums(made.shared, made.suburb)
+    return {
+        "n_pairs": len(pairs),
+        "pairs_without_common": len(empty),
+        **told.share("pair_success", success[fair.index], fair.suburb),
+        **told.mean("precision", made.right, made.suburb),
+        **ratio("recall", shared, told.sums(pairs.co_visible, pairs.suburb), told.again),
+        **told.share("false_claim_rate", accused[empty.index], empty.suburb),
+    }
+
+
+def summarise_survey(claims: pd.DataFrame) -> dict[str, object]:
+    """The figures of ``pairs.claims_of``'s table, which is of one scene: without intervals."""
+    claims = claims.assign(suburb=0)
+    made = claims[claims.score.notna() & ~claims.duplicate.eq(True)]
+    pairs = claims.groupby("pair", as_index=False).first()
+    rates = _rates(made, pairs, Bootstrap(pairs.suburb, 0, "survey"))
+    names = ("n_pairs", "pairs_without_common", "pair_success", "precision", "recall")
+    return {
+        **{name: rates[name] for name in names},
+        "n_claims": len(made),
+        "claims_per_pair": len(made) / len(pairs),
+        "twin_claims": int(made.twin.astype(bool).sum()),
+        "quality_m_mean": float(made.quality_m.mean()),
+        "quality_m_median": float(made.quality_m.median()),
+    }
+
+
+def _recall_at(claims: pd.DataFrame, pairs: pd.DataFrame, precision: float) -> float | None:
+    """The largest recall of any threshold at which the precision is reached; None: never."""
+    counted = from_score(claims)
+    held = counted[counted.right / counted.n >= precision]
+    return float(held.shared.max() / max(1, pairs.co_visible.sum())) if len(held) else None
+
+
+def from_score(claims: pd.DataFrame) -> pd.DataFrame:
+    """How many claims there are from each score on, falling: n, and right and shared ones of them.
+
+    Claims of one score stand or fall together; a second one on the same two objects is none.
+    """
+    own = claims.astype({"right": bool, "shared": bool, "duplicate": bool})
+    counts = (
+        own[~own.duplicate]
+        .groupby("score")
+        .agg(n=("right", "size"), right=("right", "sum"), shared=("shared", "sum"))
+    )
+    return counts.sort_index(ascending=False).cumsum()
+
+
+def as_table(summary: dict[str, dict[str, Any]]) -> pd.DataFrame:
+    """The main figures to read: one row a variant, intervals in brackets."""
+    columns = {
+        "n_pairs": "pairs", "pair_success": "pair_success", "precision": "precision",
+        "recall": "recall", "false_claim_rate": "false_claim_rate",
+        "recall_at_precision": "recall_at_precision", "twin_claims": "twins",
+        "quality_m_median": "quality_m", "direction_error_deg": "direction_deg",
+        "heading_error_deg": "heading_deg", "direction_error_deg_answered": "answered",
+        "calibration_error": "ece", "ms_per_pair": "ms",
+    }  # fmt: skip
+    table = table_of(summary, list(columns), "variant")
+    table["recall_at_precision"] = [
+        " ".join(shown(f["recall_at_precision"], p) for p in f["recall_at_precision"])
+        for f in summary.values()
+    ]
+    return table.rename(columns=columns)

@@ -11,181 +11,39 @@ A hundred missions are ten in each of ten suburbs, the first ten one in each: ev
 something of how suburbs differ. Each is saved as it ends, so that a run broken off, or asked for
 more missions, goes on with the next. Broadcasting every panorama to everyone would differ from
 ledger in bytes alone.
+
+A mission succeeds where the robot says that it arrived, and truth has it at the goal
+(docs/definitions.md); ``summarise`` counts them by arm, ``as_table`` makes a table to read.
 """
 
 import json
-import tempfile
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, field
-from functools import lru_cache
-from itertools import product
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import lru_cache, partial
+from itertools import pairwise, product
 from pathlib import Path
-from time import perf_counter
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from vrchain.errors import MissionError
-from vrchain.experiments.missions.draw import PLACE, Ground, Mission
-from vrchain.experiments.missions.obstruction import Barred
-from vrchain.experiments.missions.oracle import Oracle
-from vrchain.experiments.missions.scores import routes_of
-from vrchain.experiments.missions.wrong_edges import misled
+from vrchain.experiments.intervals import Bootstrap, ratio, table_of
+from vrchain.experiments.kept import folder_of, kept
+from vrchain.experiments.missions.draw import Mission
+from vrchain.experiments.missions.drive import REMEMBERED, Conditions, Suburb
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
-from vrchain.files import code_digest, name_of, write_file
-from vrchain.geometry import Pose
+from vrchain.files import name_of
 from vrchain.landmarks.extraction.record import maker_of
-from vrchain.landmarks.extraction.weights import SHIPPED
-from vrchain.ledger import Ledger, simulated_key
-from vrchain.ledger.records.encoding import digest
-from vrchain.navigation.goal.place import GoalPlace
-from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_from
-from vrchain.navigation.mission import MissionResult, run_mission
-from vrchain.navigation.perception import learned_perception
-from vrchain.navigation.settings import Decision, MissionConfig, Published
 from vrchain.panorama import CameraRig
-from vrchain.simulation.mission import index_of, is_at, published_of
-from vrchain.simulation.patrol import Patrol
-from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import goal_pictures, robot_names
-from vrchain.simulation.team import assemble
-from vrchain.world.render import Renderer
-from vrchain.world.truth import GroundTruth
+from vrchain.simulation.task import robot_names
 
 ARMS = ("ledger", "alone", "oracle")
 SUBURBS = 10  # of a hundred missions
-PATROL_S = 300.0  # for which the others have been under way as a mission starts
-REMEMBERED = 40  # panoramas of each robot that others plan by
-_AT_PLACE_M = 1.0
-
-
-class Suburb:
-    """One scene with all that is made of it once, and missions in it."""
-
-    def __init__(self, scenes: Scenes, seed: int, k: int, rig: CameraRig) -> None:
-        self.scene, self.seed, self.k, self.rig = scenes.scene(seed, k), seed, k, rig
-        self.truth, self.renderer = GroundTruth(self.scene), Renderer(self.scene)
-        self.ground = Ground(self.scene, self.truth, rig)
-
-    def drive(
-        self,
-        mission: Mission,
-        arm: str,
-        config: MissionConfig | None = None,
-        weights: Path = SHIPPED,
-        patrol_s: float = PATROL_S,
-        wrong_edges: float = 0.0,
-        barred: float = 0.0,
-        tell: Callable[[Decision], None] = lambda decision: None,
-    ) -> dict[str, object]:
-        """Drive a mission by one arm: a row of ``evaluate``'s table, and its log."""
-        start = perf_counter()
-        number = self.seed * 100_003 + self.k * 1009 + mission.number
-        simulator = Simulator(self.scene, mission.poses, seed=number, rig=self.rig)
-        simulator.truth, simulator.renderer = self.truth, self.renderer
-        robot, *others = mission.poses
-        members = {name: simulated_key(number, name).public for name in mission.poses}
-        with (
-            tempfile.TemporaryDirectory() as folder,
-            Ledger.create(
-                Path(folder) / "ledger", members, simulated_key(number, "operator")
-            ) as ledger,
-        ):
-            taken: dict[bytes, Pose] = {}  # from where panoramas were, by their digest
-            oracle = Oracle(self.truth, self.rig) if arm == "oracle" else None
-            if oracle is not None:
-                perception = oracle.perception(
-                    lambda: simulator.pose(robot), lambda b: taken[digest(b)]
-                )
-            else:
-                perception = learned_perception(weights)
-            goal: KnownGoal
-            if mission.goal == PLACE:
-                (place,) = mission.goal_poses
-                shown = self.renderer.render(place, self.rig).encode()
-                taken[digest(shown)] = place
-                look = perception.stored(shown, None)
-                goal = oracle.place(look, perception) if oracle else GoalPlace(look, perception)
-            else:
-                goal = oracle.goal(mission.goal) if oracle else self._goal(mission, weights)
-            perception = misled(
-                perception, wrong_edges, number
-            )  # among panoramas: the goal is as it was shown
-            robots = assemble(
-                simulator, ledger, number, examine=oracle.record if oracle else perception.record
-            )
-            if arm != "alone":
-                for name in others:
-                    robots[name].observe(look=True)
-                patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
-                patrol.drive(patrol_s)
-                robots[robot].others = patrol.drives
-            index, known = index_of(ledger, perception), published_of(ledger, robot, REMEMBERED)
-
-            def published() -> Mapping[str, Published]:
-                for p in (p for name in others for p in robots[name].publications):
-                    taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
-                return known()
-
-            bars = Barred(simulator, robot, barred, number)
-
-            def told(decision: Decision) -> None:
-                tell(decision)
-                bars.tell(decision)
-
-            started_ns = simulator.clock_ns
-            result = run_mission(
-                robot, robots[robot], published, index, goal, perception, config, told
-            )
-            n_published = len(known())
-        seconds = (simulator.clock_ns - started_ns) / 1e9
-        row = self._row(mission, arm, simulator, robot, result, seconds)
-        costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
-        return {**row, "published": n_published, "barred": bars.rows, **costs}
-
-    def _goal(self, mission: Mission, weights: Path) -> GoalPictures:
-        pictures = goal_pictures(
-            self.scene, self.renderer, mission.goal, mission.goal_poses, self.rig
-        )
-        return goal_from(pictures, weights)
-
-    def _row(
-        self,
-        mission: Mission,
-        arm: str,
-        simulator: Simulator,
-        robot: str,
-        result: MissionResult,
-        seconds: float,
-    ) -> dict[str, object]:
-        pose = simulator.pose(robot)
-        if mission.goal == PLACE:
-            range_m = pose.distance_to_m(mission.goal_poses[0].xy_m)
-            at_goal = range_m <= _AT_PLACE_M
-        else:
-            at_goal, range_m = is_at(self.scene, self.truth, mission.goal, pose, self.rig)
-        path = simulator.path_xy_m(robot)
-        chain = mission.chain
-        reached = [d for d in result.decisions if d.what == "reached"]
-        return {
-            "mission": mission.number,
-            "arm": arm,
-            "arrived": result.arrived,
-            "success": result.arrived and at_goal,
-            "reason": result.reason,
-            "range_m": range_m,
-            "driven_m": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
-            "way_m": mission.way_m,
-            "chain": len(chain.landmarks) if chain else 0,
-            "chain_way_m": chain.way_m if chain else None,
-            "collisions": simulator.collisions(robot),
-            "replans": max(0, len(result.plans) - 1),
-            "legs": len(reached),
-            "to_landmarks": sum(d.values["landmark"] for d in reached),
-            "seconds_simulated": seconds,
-            "log": [asdict(d) for d in result.decisions],
-        }
+SOON_S = (150, 300)
+_TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are counted together
 
 
 def evaluate(
@@ -197,13 +55,9 @@ def evaluate(
     seed: int,
     folder: Path,
     rig: CameraRig | None = None,
-    config: MissionConfig | None = None,
-    weights: Path = SHIPPED,
     to_places: bool = False,
     landmarks: int = 0,
-    patrol_s: float = PATROL_S,
-    wrong_edges: float = 0.0,
-    barred: float = 0.0,
+    conditions: Conditions | None = None,
     jobs: int | None = 1,
 ) -> tuple[pd.DataFrame, list[Mission]]:
     """One row a mission and arm, and the missions as they were drawn, to objects or to places.
@@ -213,23 +67,15 @@ def evaluate(
     """
     arms = list(dict.fromkeys(arms))
     robot_names(n_robots)  # refused before a scene is built
-    unknown = [arm for arm in arms if arm not in ARMS]
-    for what, share in (("wrong edges", wrong_edges), ("barred legs", barred)):
-        if not 0 <= share <= 1:
-            raise MissionError(f"expected a share of {what} from 0 to 1, got {share}")
-    if not 0 <= patrol_s < np.inf:
-        raise MissionError(f"expected seconds of patrol, 0 or more, got {patrol_s}")
     if landmarks < 0:
         raise MissionError(f"expected chains of 0 landmarks or more, got {landmarks}")
-    if n_missions < 1 or unknown or not arms:
+    if n_missions < 1 or not arms or not set(arms) <= set(ARMS):
         raise MissionError(
             f"expected 1 mission or more and arms of {', '.join(ARMS)}, got {n_missions} and "
             f"{', '.join(arms)}"
         )
-    asked = _Evaluation(
-        scenes, n_robots, tuple(arms), seed, folder, rig or CameraRig(), config or MissionConfig(),
-        weights, to_places, landmarks, patrol_s, wrong_edges, barred,
-    )  # fmt: skip
+    rig, conditions = rig or CameraRig(), conditions or Conditions()
+    asked = _Evaluation(scenes, n_robots, arms, seed, folder, rig, to_places, landmarks, conditions)
     left = [number for number in range(n_missions) if not asked.is_done(number)]
     left.sort(key=asked.k)  # a suburb is built once
     each(asked.drive, left, jobs, "missions")
@@ -248,18 +94,13 @@ class _Evaluation:
 
     scenes: Scenes
     n_robots: int
-    arms: tuple[str, ...]
+    arms: Sequence[str]
     seed: int
     folder: Path
     rig: CameraRig
-    config: MissionConfig
-    weights: Path
     to_places: bool
     landmarks: int
-    patrol_s: float
-    wrong_edges: float
-    barred: float
-    code: str = field(default_factory=code_digest)
+    conditions: Conditions
 
     def k(self, number: int) -> int:
         """The suburb of a mission."""
@@ -267,51 +108,163 @@ class _Evaluation:
         return hundred * SUBURBS + within % SUBURBS
 
     def mission_file(self, number: int) -> Path:
-        return self.folder / name_of(self._drawn) / f"mission_{number:04d}.json"
+        drawn = self.n_robots, self.seed, asdict(self.rig), self.to_places, self.landmarks
+        return folder_of(self.folder, self.scenes, *drawn) / f"mission_{number:04d}.json"
 
     def row_file(self, number: int, arm: str) -> Path:
-        driven = [
-            *self._drawn, asdict(self.config), maker_of(self.weights), self.patrol_s, REMEMBERED,
-            self.wrong_edges, self.barred,
-        ]  # fmt: skip
         file = self.mission_file(number)
-        return file.parent / name_of(driven) / f"{file.stem}_{arm}.json"
-
-    def mission(self, number: int) -> Mission:
-        """A mission that was drawn."""
-        return Mission.from_dict(json.loads(self.mission_file(number).read_text()))
+        driven = name_of([file.parent.name, asdict(self.conditions), maker_of(), REMEMBERED])
+        return file.parent / driven / f"{file.stem}_{arm}.json"
 
     def is_done(self, number: int) -> bool:
         """Whether a mission was driven by each arm: no process is started for it."""
         return all(self.row_file(number, arm).exists() for arm in self.arms)
 
+    def mission(self, number: int) -> Mission:
+        """The mission, drawn if it was not before."""
+        k = self.k(number)
+        asked = self.seed, k, number, self.n_robots, self.to_places, self.landmarks
+        return Mission.from_dict(
+            kept(self.mission_file(number), lambda: self._suburb(k).ground.draw(*asked).as_dict())
+        )
+
     def drive(self, number: int) -> None:
         """Draw a mission and drive it by each arm, as far as that was not done before."""
-        k = self.k(number)
-        if not self.mission_file(number).exists():
-            drawn = self._suburb(k).ground.draw(
-                self.seed, k, number, self.n_robots, self.to_places, self.landmarks
-            )
-            write_file(self.mission_file(number), json.dumps(drawn.as_dict()).encode())
+        mission = self.mission(number)
         for arm in self.arms:
-            if not self.row_file(number, arm).exists():
-                row = self._suburb(k).drive(
-                    self.mission(number), arm, self.config, self.weights, self.patrol_s,
-                    self.wrong_edges, self.barred,
-                )  # fmt: skip
-                write_file(self.row_file(number, arm), json.dumps(row).encode())
+            kept(self.row_file(number, arm), partial(self._drive, mission, arm))
+
+    def _drive(self, mission: Mission, arm: str) -> dict[str, object]:
+        return self._suburb(self.k(mission.number)).drive(mission, arm, self.conditions)
 
     def _suburb(self, k: int) -> Suburb:
         """A world that stays as it is is built once."""
         return _suburb(self.scenes, self.seed, k if self.scenes.varied else 0, self.rig)
-
-    @property
-    def _drawn(self) -> list[object]:
-        what = [self.code, self.scenes.digest, self.n_robots, self.seed, asdict(self.rig)]
-        return [*what, self.to_places, self.landmarks]
 
 
 @lru_cache(maxsize=1)
 def _suburb(scenes: Scenes, seed: int, k: int, rig: CameraRig) -> Suburb:
     """The one at work."""
     return Suburb(scenes, seed, k, rig)
+
+
+def routes_of(log: Sequence[Mapping[str, Any]], success: bool) -> list[tuple[float, bool]]:
+    """Of each route that was driven the trust in it, and whether it led a mission to success.
+
+    At its end, or where the goal came into view on the way. Routes that replaced it on the way are
+    not counted by themselves.
+    """
+    found: list[tuple[float, bool]] = []
+    trust, driven = None, False
+    for decision in log:
+        what = decision["what"]
+        if what == "route" and trust is None:
+            trust, driven = decision["values"]["trust"], False
+        elif what in ("leg", "approach"):
+            driven = True
+        elif what in ("plan again", "arrived", "gave up") and trust is not None:
+            found += [(trust, success and what == "arrived")] if driven else []
+            trust = None
+    return found
+
+
+def summarise(
+    table: pd.DataFrame, missions: Sequence[Mission], *, seed: int = 0
+) -> dict[str, dict[str, object]]:
+    """The figures of each arm, with 95 % intervals under NAME_ci: bootstrap over suburbs.
+
+    success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
+    spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
+    counts; replans, legs, to_landmarks, barred, seconds_simulated and wall_s are means;
+    wall_s_per_300_s is what five simulated minutes cost, the patrol's among them. Of ledger,
+    times_alone: its successes over those of alone. Also how many missions need how many landmarks,
+    and how many draws were rejected for what; and of routes driven, by the trust in them, how many
+    led there.
+    """
+    told = Bootstrap(table.suburb, seed, "navigation")
+    lengths = Counter(len(m.chain.landmarks) if m.chain else 0 for m in missions)
+    rejected = sum((Counter(m.rejected) for m in missions), Counter[str]())
+    found: dict[str, dict[str, object]] = {}
+    successes = {}
+    for arm, own in table.groupby("arm", sort=False):
+        successes[str(arm)] = told.sums(own.success, own.suburb)
+        found[str(arm)] = {
+            **_summary(own, told),
+            "routes": _routes(own),
+            "chain_lengths": {str(n): lengths[n] for n in sorted(lengths)},
+            "rejected_draws": dict(rejected),
+        }
+    if {"ledger", "alone"} <= found.keys():
+        both = successes["ledger"], successes["alone"]
+        found["ledger"] |= ratio("times_alone", *both, told.again)
+    return found
+
+
+def _summary(own: pd.DataFrame, told: Bootstrap) -> dict[str, object]:
+    success, chained = own.success.astype(float), own[own.chain > 0]
+    spl: pd.Series = success * own.way_m / np.maximum(own.driven_m, own.way_m)
+    chain_way_m = chained.chain_way_m.astype(float)
+    spl_chain: pd.Series = (
+        success[chained.index] * chain_way_m / np.maximum(chained.driven_m, chain_way_m)
+    )
+    found: dict[str, object] = {
+        "n": len(own),
+        "n_with_chain": len(chained),
+        **told.share("success", success, own.suburb),
+    }
+    for s in SOON_S:
+        soon = success * (own.seconds_simulated <= s)
+        found |= told.share(f"success_{s}_s", soon, own.suburb)
+    found |= told.share("success_given_chain", chained.success, chained.suburb)
+    found |= told.mean("spl", spl, own.suburb)
+    found |= told.mean("spl_chain", spl_chain, chained.suburb)
+    found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
+    found["collisions"] = int(own.collisions.sum())
+    for name in ("replans", "legs", "to_landmarks", "barred", "seconds_simulated", "wall_s"):
+        found[name] = float(own[name].mean())
+    found["wall_s_per_300_s"] = float(300 * own.wall_s.sum() / own.clock_s.sum())
+    return found
+
+
+def _routes(own: pd.DataFrame) -> list[dict[str, object]]:
+    """How many routes were driven on how much trust, and the share that led there."""
+    driven = np.array([route for routes in own.routes for route in routes]).reshape(-1, 2)
+    found: list[dict[str, object]] = []
+    for low, high in pairwise(_TRUST):
+        within = (driven[:, 0] > low) & (driven[:, 0] <= high)
+        share = float(driven[within, 1].mean()) if within.any() else None
+        found.append({"trust": [low, high], "n": int(within.sum()), "led_there": share})
+    return found
+
+
+def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
+    """The figures to read: one row an arm, intervals in brackets."""
+    names = (
+        "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
+        "success_given_chain", "times_alone", "spl", "spl_chain",
+        "false_arrivals", "collisions", "replans", "legs", "to_landmarks", "barred",
+        "seconds_simulated", "wall_s", "wall_s_per_300_s",
+    )  # fmt: skip
+    return table_of(summary, names, "arm", ".2f")
+
+
+def routes_table(summary: Mapping[str, Mapping[str, Any]]) -> pd.DataFrame:
+    """How many routes each arm drove on how much trust, and the share that led there."""
+    rows = [
+        {"arm": arm, "trust": "{:g} - {:g}".format(*r["trust"]), "n": r["n"], "led": r["led_there"]}
+        for arm, figures in summary.items()
+        for r in figures["routes"]
+        if r["n"]
+    ]
+    return pd.DataFrame(rows, columns=["arm", "trust", "n", "led"]).round(2)
+
+
+def as_text(summary: Mapping[str, Mapping[str, Any]]) -> str:
+    """All of the summary to read."""
+    first = next(iter(summary.values()))
+    return (
+        f"landmarks in the shortest chain, and missions: {first['chain_lengths']}\n"
+        f"rejected draws: {first['rejected_draws']}\n{as_table(summary).T.to_string()}\n\n"
+        "routes driven, by the trust in them, and how many led to the goal\n"
+        f"{routes_table(summary).to_string(index=False, na_rep='-')}"
+    )

@@ -244,25 +244,24 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     The interval is a bootstrap over worlds. of_free: share of those tasks that have a free chain
     (rule ``standing``).
     """
-    rows = []
-    for (rule, p, method), group in drives.groupby(["rule", "p", "method"], sort=False):
+    rows: list[dict[str, object]] = []
+    for key, group in drives.groupby(["rule", "p", "method"], sort=False):
         n_worlds = group.world.nunique()
         again = resampled(n_worlds, seed, "planning")
         for most in (1, 2, 3, MAX_DRIVES):
             arrived = group.drives <= most
             by_world = arrived.groupby(group.world).mean().to_numpy()
             low, high = interval(by_world[again].mean(axis=1), n_worlds)
+            of_free = float(arrived[group.free == 1].mean())
             rows.append(
-                {
-                    "rule": rule,
-                    "p": p,
-                    "method": method,
-                    "drives": most,
-                    "arrives": float(arrived.mean()),
-                    "low": low,
-                    "high": high,
-                    "of_free": float(arrived[group.free == 1].mean()),
-                    "n": len(group),
-                }
+                dict(zip(("rule", "p", "method"), key, strict=True))
+                | {"drives": most, "arrives": float(arrived.mean()), "low": low, "high": high}
+                | {"of_free": of_free, "n": len(group)}
             )
     return pd.DataFrame(rows)
+
+
+def as_text(shares: pd.DataFrame) -> str:
+    """The table of ``shares`` to read: a column each number of drives."""
+    wide = shares.pivot_table("arrives", ["rule", "p", "method"], "drives", sort=False)
+    return f"share that arrives, by drives\n{wide.round(3).to_string()}"
