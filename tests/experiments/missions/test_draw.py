@@ -173,23 +173,6 @@ def _post(name: str, x_m: float, y_m: float) -> SceneObject:
     return box(name, (x_m, y_m), (1.0, 1.0, 1.0), plain(RED))
 
 
-def test_a_robot_is_come_by_again_by_a_landmark_that_shows_more(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    made = Made(
-        monkeypatch,
-        [_post("a", -12, -12), _post("b", 12, -12), _post("c", 12, 0), _post("d", 12, 12),
-         _post("goal", 0, 12)],
-        {"R1 R2": ["a"], "R1 R3": ["b"], "R2 R3": ["c"], "R2 R4": ["d"]},
-        {"a": [], "b": ["c"], "c": ["d"], "d": ["goal"]},
-    )  # fmt: skip
-    chain = made.chain((0.0, -12.0))
-    assert chain is not None
-    assert (chain.robots, chain.landmarks) == (("R1", "R3", "R2", "R4"), ("b", "c", "d"))
-    assert made.chain((0.0, -12.0), least=3) == chain
-    assert made.chain((0.0, -12.0), least=4) is None
-
-
 def test_a_landmark_is_come_to_where_the_rest_of_the_way_is_shortest(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -248,6 +231,8 @@ def test_a_chain_is_the_shortest_of_all_with_fewest_landmarks(
         assert not every
     else:
         assert (found.robots, found.landmarks) in every
+        assert made.chain(start, least=len(found.landmarks)) == found
+        assert made.chain(start, least=len(found.landmarks) + 1) is None
         assert found.way_m == pytest.approx(made.way_m(start, *found.landmarks, "goal"))
         assert found.way_m == pytest.approx(min(made.way_m(start, *by, "goal") for _, by in every))
 

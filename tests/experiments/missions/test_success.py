@@ -12,7 +12,6 @@ from hamlet import the_hamlet
 from plains import CALIBRATION
 from sights import RIG
 
-from vrchain.errors import MissionError
 from vrchain.experiments.missions import draw, drive, success
 from vrchain.experiments.missions.chains import PLACE
 from vrchain.experiments.missions.draw import Mission
@@ -26,7 +25,6 @@ from vrchain.landmarks.matching.common import Comparison
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import MissionConfig
 from vrchain.simulation.simulator import Simulator
-from vrchain.world.model import Scene
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
 SHORT = Conditions(20.0, config=MissionConfig(limit_s=150.0))
@@ -129,27 +127,3 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
     assert list(table.driven_m) == pytest.approx([w["R1"][1] for w in ways])
     assert (table.driven_m > 3.0).all()
     assert table.seconds_simulated.between(15.0, 16.0).all()  # the patrol is no part of it
-
-
-@pytest.mark.parametrize(
-    ("asked", "refusal"),
-    [
-        ({"n_missions": 0}, "expected 1 mission or more"),
-        ({"arms": ["magic"]}, "and arms of ledger, alone, oracle, got 1 and magic"),
-        ({"arms": []}, "and arms of ledger, alone, oracle, got 1 and "),
-        ({"n_robots": 1}, "expected 2 to 20 robots, got 1"),
-        ({"conditions": {"wrong_edges": 1.1}}, "a share of wrong edges from 0 to 1, got 1.1"),
-        ({"conditions": {"barred": float("nan")}}, "a share of barred legs from 0 to 1, got nan"),
-        ({"conditions": {"patrol_s": -1.0}}, "seconds of patrol, 0 or more, got -1.0"),
-        ({"landmarks": -1}, "chains of 0 landmarks or more, got -1"),
-    ],
-)
-def test_what_cannot_be_asked(asked: dict[str, Any], refusal: str, tmp_path: Path) -> None:
-    def unbuilt(seed: int, k: int) -> Scene:
-        raise AssertionError("refused before a scene is built")
-
-    with pytest.raises(MissionError, match=refusal):
-        usual = {"n_missions": 1, "n_robots": 4, "arms": ["oracle"], "seed": 3}
-        asked = {**asked, "conditions": Conditions(**asked.pop("conditions", {}))}
-        evaluate(Scenes(unbuilt, ""), folder=tmp_path, **{**usual, **asked})
-    assert not any(tmp_path.iterdir())
