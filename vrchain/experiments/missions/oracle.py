@@ -81,7 +81,7 @@ class Oracle:
                 own = _index_of(p, _embedding(self.truth.scene.objects[i].name))
                 regions += regions_of(p, np.array([own]), self.rig) if own is not None else []
             if len(regions) == 2:
-                claims.append(CommonLandmark(1.0, *regions, _NONE, _NONE))
+                claims.append(CommonLandmark(1.0, regions[0], regions[1], _NONE, _NONE))
         geometry = PlanarGeometry(
             pose_a.bearing_to_rad(pose_b.xy_m),
             float(wrap_angle_rad(pose_b.yaw_rad - pose_a.yaw_rad)),
