@@ -7,7 +7,7 @@ from vrchain.experiments.intervals import Bootstrap, ratio, resampled, share, sh
 
 def test_sums_are_by_suburb_and_none_is_left_out() -> None:
     values, of = pd.Series([1.0, 2.0, 4.0]), pd.Series([3, 3, 7])
-    told = Bootstrap([7, 3, 5, 5], 0, "test")
+    told = Bootstrap([7, 3, 5, 5], "test")
     assert told.sums(values, of).tolist() == [3.0, 0.0, 4.0]
     parts = np.array([3.0, 0.0, 4.0]), np.array([2.0, 0.0, 1.0])
     assert told.mean("x", values, of) == ratio("x", *parts, resampled(3, 0, "test"))

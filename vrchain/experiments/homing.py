@@ -69,6 +69,9 @@ class Grid:
         return np.concatenate([near, _disc(self.spacing_m, self.spacing_m, self.reach_m)])
 
 
+GRID = Grid()
+
+
 def _disc(spacing_m: float, low_m: float, high_m: float) -> Array:
     """Points of a square grid, (n, 2), from low_m to high_m from its middle."""
     line = np.arange(-int(high_m / spacing_m + 1e-6), int(high_m / spacing_m + 1e-6) + 1)
@@ -93,15 +96,15 @@ def answers(
     draws: np.random.Generator,
     rows: Sequence[str] = ROWS,
     *,
-    grid: Grid | None = None,
-    rig: CameraRig | None = None,
+    grid: Grid = GRID,
+    rig: CameraRig = RIG,
 ) -> pd.DataFrame:
     """Home vectors from all around one place: ``evaluate``'s table but for suburb and place.
 
     draws: gives the headings.
     """
-    scene, grid, rig = renderer.scene, grid or Grid(), rig or RIG
-    then, points = snapshot(renderer.render(home, rig)), grid.points_m()
+    scene, points = renderer.scene, grid.points_m()
+    then = snapshot(renderer.render(home, rig))
     yaws = draws.uniform(-np.pi, np.pi, len(points))
     free = scene.is_free(home.xy_m + points)
     found: list[dict[str, object]] = []
@@ -153,8 +156,8 @@ def evaluate(
     *,
     seed: int,
     folder: Path,
-    grid: Grid | None = None,
-    rig: CameraRig | None = None,
+    grid: Grid = GRID,
+    rig: CameraRig = RIG,
     jobs: int | None = 1,
 ) -> pd.DataFrame:
     """Home vectors around ``n_places`` random places, one row a point and method.
@@ -164,7 +167,6 @@ def evaluate(
     std_rad, arrived, remoteness, n_matches, home (whether it leads there from the point). What was
     found already under ``folder`` is read. jobs: see ``workers.each``.
     """
-    grid, rig = grid or Grid(), rig or RIG
     rows = list(dict.fromkeys(rows))
     if n_places < 1:
         raise MissionError(f"expected 1 place or more to home to, got {n_places}")
@@ -233,29 +235,27 @@ def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
     return home
 
 
-def starts(found: pd.DataFrame, grid: Grid | None = None) -> pd.DataFrame:
+def starts(found: pd.DataFrame, grid: Grid = GRID) -> pd.DataFrame:
     """Rows of ``evaluate``'s table that are starts, with range_m, how far home is."""
     range_m = np.hypot(found.x_m, found.y_m)
-    return found.assign(range_m=range_m)[range_m >= (grid or Grid()).spacing_m - 1e-6]
+    return found.assign(range_m=range_m)[range_m >= grid.spacing_m - 1e-6]
 
 
-def summarise(
-    found: pd.DataFrame, *, seed: int = 0, grid: Grid | None = None
-) -> dict[str, dict[str, object]]:
+def summarise(found: pd.DataFrame, grid: Grid = GRID) -> dict[str, dict[str, object]]:
     """The figures of each method, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
     angular_error_deg, its median, no_answer: over n_starts; return_ratio: over the n_clear of them
     whose straight way is free; catchment_m: over n_places.
     """
     made = starts(found, grid)
-    return {str(method): _summary(own, seed) for method, own in made.groupby("method", sort=False)}
+    return {str(method): _summary(own) for method, own in made.groupby("method", sort=False)}
 
 
-def _summary(made: pd.DataFrame, seed: int) -> dict[str, object]:
+def _summary(made: pd.DataFrame) -> dict[str, object]:
     clear = made[made.clear]
     caught = [(k, _catchment_m(own)) for (k, _), own in clear.groupby(["suburb", "place"])]
     places = pd.DataFrame(caught, columns=["suburb", "catchment_m"])
-    told = Bootstrap(made.suburb, seed, "homing")
+    told = Bootstrap(made.suburb, "homing")
     return {
         "n_places": len(made[["suburb", "place"]].drop_duplicates()),
         "n_starts": len(made),

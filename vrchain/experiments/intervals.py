@@ -68,10 +68,11 @@ def share(name: str, hits: Array, of: Array, again: NDArray[np.int64]) -> dict[s
 class Bootstrap:
     """Figures with 95 % intervals, of values that each belong to a suburb, or whatever was drawn.
 
-    of: the suburb of every value that counts; figures are made of ``resampled`` suburbs.
+    of: the suburb of every value that counts; figures are made of ``resampled`` suburbs, which
+    what and seed tell.
     """
 
-    def __init__(self, of: Iterable[int], seed: int, what: str) -> None:
+    def __init__(self, of: Iterable[int], what: str, seed: int = 0) -> None:
         self.suburbs = np.unique(np.asarray(of))
         self.again = resampled(len(self.suburbs), seed, what)
 

@@ -9,7 +9,7 @@ import pandas as pd
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.matching.common import Comparison, MatchConfig, compare
+from vrchain.landmarks.matching.common import Comparison, compare
 from vrchain.landmarks.quality import judge, names_in_common
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -36,7 +36,6 @@ def claims_of(
     looks: Iterable[tuple[Look, Look]],
     truth: GroundTruth,
     rig: CameraRig,
-    config: MatchConfig | None = None,
 ) -> pd.DataFrame:
     """Claims of common landmarks for pairs of looks, one row a claim.
 
@@ -47,7 +46,7 @@ def claims_of(
     rows: list[dict[str, object]] = []
     for number, (a, b) in enumerate(looks):
         poses, features = (a.pose, b.pose), (a.features, b.features)
-        found = compare(*features, rig, config)
+        found = compare(*features, rig)
         shared = names_in_common(truth, *poses, rig)
         spacing_m = a.pose.distance_to_m(b.pose.xy_m)
         pair: dict[str, object] = {

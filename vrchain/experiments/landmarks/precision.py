@@ -187,25 +187,23 @@ def _pose_errors_deg(found: Comparison, a: Pose, b: Pose) -> tuple[float, float]
     return float(off[0]), float(off[1])
 
 
-def summarise(
-    claims: pd.DataFrame, pairs: pd.DataFrame, *, seed: int = 0
-) -> dict[str, dict[str, object]]:
+def summarise(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, dict[str, object]]:
     """The figures of each variant, as docs/definitions.md has them, with 95 % intervals.
 
     Intervals: bootstrap over suburbs.
     """
     return {
-        str(variant): _summary(claims[claims.variant == variant], own, seed)
+        str(variant): _summary(claims[claims.variant == variant], own)
         for variant, own in pairs.groupby("variant", sort=False)
     }
 
 
-def _summary(claims: pd.DataFrame, pairs: pd.DataFrame, seed: int) -> dict[str, object]:
+def _summary(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, object]:
     score = float(pairs.claimed.iloc[0])
     made = claims[(claims.score >= score) & ~claims.duplicate.astype(bool)]
     fair = pairs[pairs.co_visible > 0]
     found: dict[str, object] = {
-        **_rates(made, pairs, Bootstrap(pairs.suburb, seed, "landmarks")),
+        **_rates(made, pairs, Bootstrap(pairs.suburb, "landmarks")),
         "recall_at_precision": {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS},
         "twin_claims": int(made.twin.astype(bool).sum()),
         "duplicates": int((claims.score >= score).sum() - len(made)),
@@ -248,7 +246,7 @@ def summarise_survey(claims: pd.DataFrame) -> dict[str, object]:
     claims = claims.assign(suburb=0)
     made = claims[claims.score.notna() & ~claims.duplicate.eq(True)]
     pairs = claims.groupby("pair", as_index=False).first()
-    rates = _rates(made, pairs, Bootstrap(pairs.suburb, 0, "survey"))
+    rates = _rates(made, pairs, Bootstrap(pairs.suburb, "survey"))
     names = ("n_pairs", "pairs_without_common", "pair_success", "precision", "recall")
     return {
         **{name: rates[name] for name in names},

@@ -113,7 +113,7 @@ def accused(found: pd.DataFrame) -> pd.DataFrame:
     """
     rows: list[dict[str, object]] = []
     for (variant, two), own in found.groupby(["variant", "two_suburbs"], sort=False):
-        told = Bootstrap(own.suburb, 0, "strangers").share("claimed", own.score > 0, own.suburb)
+        told = Bootstrap(own.suburb, "strangers").share("claimed", own.score > 0, own.suburb)
         rows.append({"variant": variant, "two_suburbs": two, "pairs": len(own), **told})
     return pd.DataFrame(rows)
 

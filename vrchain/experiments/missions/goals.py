@@ -71,7 +71,7 @@ def evaluate(
     return found if scenes.varied else found.assign(suburb=pd.factorize(found.goal)[0])
 
 
-def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[str, dict]:
+def summarise(found: pd.DataFrame) -> dict[str, dict]:
     """By "goal" and "another house": how many goals, houses and looks, and what is seen in them.
 
     likely: share of looks by which it may be the goal. keypoints: in the median, in 99 % of looks,
@@ -79,7 +79,7 @@ def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[
     which it is sure, or is with so many sides more, one after the other; intervals: 95 %, over
     suburbs. houses_sure: of how many houses all looks together make sure.
     """
-    config, summary = config or MissionConfig(), {}
+    config, summary = MissionConfig(), {}
     for name, looks in (("goal", found[found.own]), ("another house", found[~found.own])):
         houses = looks.groupby(["suburb", "goal", "house"])
         tried = pd.DataFrame([row for _, h in houses for row in _from_sides(h, config)])
@@ -109,7 +109,7 @@ def _shares(tried: pd.DataFrame) -> dict[str, object]:
     """sure, sure_1, ... and their intervals."""
     found: dict[str, object] = {}
     if len(tried):
-        told = Bootstrap(tried.suburb, 0, "goal sights")
+        told = Bootstrap(tried.suburb, "goal sights")
         for name in map(_sure, _MORE_SIDES):
             found |= told.share(name, tried[name], tried.suburb)
     return found

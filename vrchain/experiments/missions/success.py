@@ -168,9 +168,7 @@ def routes_of(log: Sequence[Mapping[str, Any]], success: bool) -> list[tuple[flo
     return found
 
 
-def summarise(
-    table: pd.DataFrame, missions: Sequence[Mission], *, seed: int = 0
-) -> dict[str, dict[str, object]]:
+def summarise(table: pd.DataFrame, missions: Sequence[Mission]) -> dict[str, dict[str, object]]:
     """The figures of each arm, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
     success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
@@ -181,7 +179,7 @@ def summarise(
     and how many draws were rejected for what; and of routes driven, by the trust in them, how many
     led there.
     """
-    told = Bootstrap(table.suburb, seed, "navigation")
+    told = Bootstrap(table.suburb, "navigation")
     lengths = Counter(len(m.chain.landmarks) if m.chain else 0 for m in missions)
     rejected = sum((Counter(m.rejected) for m in missions), Counter[str]())
     found: dict[str, dict[str, object]] = {}

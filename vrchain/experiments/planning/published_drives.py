@@ -181,7 +181,7 @@ def gains(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
         | {"gain_ci": list(interval(over.sum(axis=1) / under.sum(axis=1) - 1, top.size))}
         for how, (over, under) in drawn.items()
     ]
-    told = Bootstrap(drives.world, seed, "one drive")
+    told = Bootstrap(drives.world, "one drive", seed)
     for rule in (AS_PUBLISHED, TO_TARGET):
         group = drives[drives.rule == rule]
         over, under = (

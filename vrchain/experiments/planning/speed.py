@@ -39,20 +39,17 @@ _ROUTES = 3
 Question = Callable[[Task], "Path | Chain | None"]
 
 
-def bench_planner(
-    n_tasks: int, *, seed: int, sizes: Sequence[tuple[int, int, float, int, float]] | None = None
-) -> pd.DataFrame:
+def bench_planner(n_tasks: int, *, seed: int) -> pd.DataFrame:
     """One row a planner and size of world, with ``COLUMNS``; times in microseconds.
 
     positions: tasks in all worlds of a size, n_tasks or a few more; landmarks: mean length of its
     chains, the goal among them; reference_us: breadth-first search on the same tasks; ratio: of
-    the medians; bar: what the median should not exceed. sizes: ``SIZES``, or like them.
-    MissionError without tasks.
+    the medians; bar: what the median should not exceed. MissionError without tasks.
     """
     if n_tasks < 1:
         raise MissionError(f"expected 1 task or more to plan for, got {n_tasks}")
     rows = []
-    for n_robots, n_landmarks, side_m, n_worlds, bar_us in sizes or SIZES:
+    for n_robots, n_landmarks, side_m, n_worlds, bar_us in SIZES:
         asked: list[tuple[str, float, int | None]] = []
         prepare_us = []
         for index in range(n_worlds):
