@@ -88,10 +88,10 @@ def planner(
 
     Times are in microseconds; landmarks: of a chain, the goal among them. Then, with 40 robots and
     400 landmarks, the share that arrives within so many drives when segments are lost with
-    probability p, by the published rule (drive) and where what is lost stays lost (standing;
-    experiments.planning). Then one drive by the published rule, for each size of team, with 95 %
-    intervals and the published shares beside: paths as published, and paths that truly end at the
-    target (experiments.published_drives). All p, and more columns, by --json.
+    probability p, by the published rule (drive) and where what is lost stays lost (standing). Then
+    one drive by the published rule, for each size of team, with 95 % intervals and the published
+    shares beside: paths as published, and paths that truly end at the target. All p, and more
+    columns, by --json. The modules of experiments.planning say more.
     """
     from vrchain.experiments.planning import lost_segments, published_drives
     from vrchain.experiments.planning.speed import bench_planner

@@ -1,6 +1,6 @@
 """Common landmarks over the distance between two robots, by variant."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -17,7 +17,6 @@ from vrchain.world.model import Scene
 
 VARIANTS = ("sift", "cnn", DEFAULT)
 _QUARTILES = {"quality_m_q25": 0.25, "quality_m_q75": 0.75}
-_GROUP = ["band_m", "variant"]
 
 
 def over_distance(
@@ -71,14 +70,12 @@ def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     none), and the quartiles quality_m_q25 and quality_m_q75.
     """
     rows: list[dict[str, object]] = []
-    for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
-        own = _of(claims, band_m, variant)
+    for key, own, drawn in _grouped(claims, pairs):
         (figures,) = summarise(own, drawn).values()
         made = own[(own.score >= drawn.claimed.iloc[0]) & ~own.duplicate]
         rows.append(
             {
-                "band_m": band_m,
-                "variant": variant,
+                **key,
                 "suburbs": drawn.suburb.nunique(),
                 "landmarks_a_pair": drawn.co_visible.mean(),
                 "right_a_pair": made.right.sum() / len(drawn),
@@ -98,12 +95,11 @@ def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     A second claim on the same two objects counts for nothing.
     """
     tables = []
-    for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
-        sums = from_score(_of(claims, band_m, variant))
+    for key, own, drawn in _grouped(claims, pairs):
+        sums = from_score(own)
         table = pd.DataFrame(
             {
-                "band_m": band_m,
-                "variant": variant,
+                **key,
                 "threshold": sums.index,
                 "precision": (sums.right / sums.n).to_numpy(),
                 "recall": sums.shared.to_numpy() / max(1, drawn.co_visible.sum()),
@@ -114,9 +110,14 @@ def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _of(claims: pd.DataFrame, band_m: object, variant: object) -> pd.DataFrame:
-    own = claims[(claims.band_m == band_m) & (claims.variant == variant)]
-    return own.astype({"right": bool, "shared": bool, "duplicate": bool, "twin": bool})
+def _grouped(
+    claims: pd.DataFrame, pairs: pd.DataFrame
+) -> Iterator[tuple[dict[str, object], pd.DataFrame, pd.DataFrame]]:
+    """Each band and variant, with its claims and its pairs."""
+    claims = claims.astype({"right": bool, "shared": bool, "duplicate": bool, "twin": bool})
+    for (band_m, variant), drawn in pairs.groupby(["band_m", "variant"], sort=False):
+        own = claims[(claims.band_m == band_m) & (claims.variant == variant)]
+        yield {"band_m": band_m, "variant": variant}, own, drawn
 
 
 def _flat(figures: Mapping[str, object]) -> dict[str, object]:

@@ -8,7 +8,7 @@ spares needs; ``options`` the mean number of landmarks on a path's segments.
 
 What is driven here:
 
-- ``as published``: the paths as they were planned there, slips and all (``experiments.wavn``). A
+- ``as published``: the paths as they were planned there, slips and all (``planning.wavn``). A
   drive counts that came to the end of its path; ``at_target``: and that end was the target.
 - ``to the target``: paths of the same planners and of ours without slips, each with all spares.
 - ``to who sees it``: the same paths and losses without their last segment, from the last robot to

@@ -1,6 +1,6 @@
 """How long planning takes, and how long the chains are, beside two known planners.
 
-All of them answer the same questions in turn, on the random worlds of ``experiments.wavn``; the
+All of them answer the same questions in turn, on the random worlds of ``planning.wavn``; the
 larger world has the same number of robots a square metre, so that its chains are long.
 """
 
