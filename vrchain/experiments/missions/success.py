@@ -75,7 +75,11 @@ def evaluate(
             f"{', '.join(arms)}"
         )
     rig, conditions = rig or CameraRig(), conditions or Conditions()
-    asked = _Evaluation(scenes, n_robots, arms, seed, folder, rig, to_places, landmarks, conditions)
+    drawn = folder_of(folder, scenes, n_robots, seed, asdict(rig), to_places, landmarks)
+    driven = drawn / name_of([drawn.name, asdict(conditions), maker_of(), REMEMBERED])
+    asked = _Evaluation(
+        scenes, n_robots, arms, seed, rig, to_places, landmarks, conditions, drawn, driven
+    )
     left = [number for number in range(n_missions) if not asked.is_done(number)]
     left.sort(key=asked.k)  # a suburb is built once
     each(asked.drive, left, jobs, "missions")
@@ -90,31 +94,26 @@ def evaluate(
 
 @dataclass(frozen=True, eq=False)
 class _Evaluation:
-    """What is asked of every mission, and where it and what came of it are kept."""
+    """What is asked of every mission; drawn, driven: where it and what came of it are kept."""
 
     scenes: Scenes
     n_robots: int
     arms: Sequence[str]
     seed: int
-    folder: Path
     rig: CameraRig
     to_places: bool
     landmarks: int
     conditions: Conditions
+    drawn: Path
+    driven: Path
 
     def k(self, number: int) -> int:
         """The suburb of a mission."""
         hundred, within = divmod(number, SUBURBS**2)
         return hundred * SUBURBS + within % SUBURBS
 
-    def mission_file(self, number: int) -> Path:
-        drawn = self.n_robots, self.seed, asdict(self.rig), self.to_places, self.landmarks
-        return folder_of(self.folder, self.scenes, *drawn) / f"mission_{number:04d}.json"
-
     def row_file(self, number: int, arm: str) -> Path:
-        file = self.mission_file(number)
-        driven = name_of([file.parent.name, asdict(self.conditions), maker_of(), REMEMBERED])
-        return file.parent / driven / f"{file.stem}_{arm}.json"
+        return self.driven / f"mission_{number:04d}_{arm}.json"
 
     def is_done(self, number: int) -> bool:
         """Whether a mission was driven by each arm: no process is started for it."""
@@ -124,9 +123,8 @@ class _Evaluation:
         """The mission, drawn if it was not before."""
         k = self.k(number)
         asked = self.seed, k, number, self.n_robots, self.to_places, self.landmarks
-        return Mission.from_dict(
-            kept(self.mission_file(number), lambda: self._suburb(k).ground.draw(*asked).as_dict())
-        )
+        file = self.drawn / f"mission_{number:04d}.json"
+        return Mission.from_dict(kept(file, lambda: self._suburb(k).ground.draw(*asked).as_dict()))
 
     def drive(self, number: int) -> None:
         """Draw a mission and drive it by each arm, as far as that was not done before."""
