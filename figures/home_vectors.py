@@ -1,6 +1,6 @@
 """Home vectors from all around one place: ours, and homing in scale space."""
 
-from vrchain.experiments.homing.evaluation import RIG, Grid, answers, draw_place
+from vrchain.experiments.homing import RIG, Grid, answers, draw_place
 from vrchain.experiments.reproduction.results import Results, suburb
 from vrchain.plots.homing import home_vectors_figure
 from vrchain.plots.scripts import Drawn, run_script

@@ -1,6 +1,6 @@
 """Precision against recall of common landmarks, as the threshold for a claim moves."""
 
-from vrchain.experiments.landmarks.bands import precision_recall
+from vrchain.experiments.landmarks.over_distance import precision_recall
 from vrchain.experiments.reproduction.results import Results
 from vrchain.plots.landmarks import precision_recall_figure
 from vrchain.plots.scripts import Drawn, run_script

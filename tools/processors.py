@@ -18,7 +18,7 @@ RECOGNITION = [
     "tests/navigation",
     "tests/homing",
     "tests/simulation",
-    "tests/experiments/homing",
+    "tests/experiments/test_homing_experiment.py",
     "tests/experiments/landmarks",
     "tests/experiments/missions",
 ]

@@ -2,12 +2,17 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from vrchain.experiments.intervals import by_suburb, ratio, resampled, share, shown
+from vrchain.experiments.intervals import Bootstrap, ratio, resampled, share, shown, table_of
 
 
 def test_sums_are_by_suburb_and_none_is_left_out() -> None:
     values, of = pd.Series([1.0, 2.0, 4.0]), pd.Series([3, 3, 7])
-    assert by_suburb(values, of, np.array([3, 5, 7])).tolist() == [3.0, 0.0, 4.0]
+    told = Bootstrap([7, 3, 5, 5], "test")
+    assert told.sums(values, of).tolist() == [3.0, 0.0, 4.0]
+    parts = np.array([3.0, 0.0, 4.0]), np.array([2.0, 0.0, 1.0])
+    assert told.mean("x", values, of) == ratio("x", *parts, resampled(3, 0, "test"))
+    hits = values > 1
+    assert told.share("x", hits, of)["x"] == 2 / 3
 
 
 def test_a_share_lies_in_its_interval_and_the_interval_in_the_suburbs() -> None:
@@ -71,3 +76,5 @@ def test_figures_are_shown_with_their_intervals_counts_in_full() -> None:
     told = ["0.123 [0.100, 0.250]", "0.500", "12211", "-", "-"]
     assert [shown(figures, name) for name in names] == told
     assert shown(figures, "a", ".2f") == "0.12 [0.10, 0.25]"
+    table = table_of({"one": figures}, names, "way")
+    assert table.index.name == "way" and table.loc["one"].tolist() == told

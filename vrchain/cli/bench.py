@@ -1,12 +1,13 @@
 """The command ``vrchain bench``: how long things take."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from vrchain.cli.options import Json
+from vrchain.cli.options import SUBURB, Json, SpecOrSuburb
 from vrchain.paths import BUILD, SCENES
 
 if TYPE_CHECKING:
@@ -14,18 +15,12 @@ if TYPE_CHECKING:
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed.")
 
-Spec = Annotated[
-    Path,
-    typer.Argument(
-        metavar="[SPEC]", help="A scene file or Gazebo world.", show_default="scenes/suburb.yaml"
-    ),
-]
 Seed = Annotated[int, typer.Option(min=0, help="Of the poses that are drawn.")]
 
 
 @app.command()
 def render(
-    spec: Spec = SCENES / "suburb.yaml",
+    spec: SpecOrSuburb = SUBURB,
     positions: Annotated[int, typer.Option(min=1, help="Poses to draw at.")] = 15,
     seed: Seed = 3000,
     as_json: Json = False,
@@ -38,15 +33,12 @@ def render(
     from vrchain.experiments.rendering import bench_render
 
     table = bench_render(spec, positions, seed=seed)
-    if as_json:
-        print(_json(rows=table))
-        return
-    print(table.round(2).to_string(index=False, na_rep="-"))
+    _tell(as_json, lambda: _text(table), rows=table)
 
 
 @app.command()
 def landmarks(
-    spec: Spec = SCENES / "suburb.yaml",
+    spec: SpecOrSuburb = SUBURB,
     positions: Annotated[int, typer.Option(min=1, help="Panoramas, and pairs of them.")] = 15,
     seed: Seed = 3000,
     as_json: Json = False,
@@ -59,15 +51,12 @@ def landmarks(
     from vrchain.experiments.landmarks.speed import bench_landmarks
 
     table = bench_landmarks(spec, positions, seed=seed)
-    if as_json:
-        print(_json(rows=table))
-        return
-    print(table.round(2).to_string(index=False, na_rep="-"))
+    _tell(as_json, lambda: _text(table), rows=table)
 
 
 @app.command()
 def processors(
-    spec: Spec = SCENES / "suburb.yaml",
+    spec: SpecOrSuburb = SUBURB,
     mission: Annotated[
         Path, typer.Option(help="A scene with a team.", show_default="scenes/barn.yaml")
     ] = SCENES / "barn.yaml",
@@ -83,10 +72,7 @@ def processors(
     from vrchain.experiments.processors import compare_processors
 
     table = compare_processors(spec, mission, pairs, seed=seed)
-    if as_json:
-        print(_json(rows=table))
-        return
-    print(table.round(6).to_string(index=False))
+    _tell(as_json, lambda: _text(table, 6), rows=table)
 
 
 @app.command()
@@ -102,33 +88,28 @@ def planner(
 
     Times are in microseconds; landmarks: of a chain, the goal among them. Then, with 40 robots and
     400 landmarks, the share that arrives within so many drives when segments are lost with
-    probability p, by the published rule (drive) and where what is lost stays lost (standing;
-    experiments.planning). Then one drive by the published rule, for each size of team, with 95 %
-    intervals and the published shares beside: paths as published, and paths that truly end at the
-    target (experiments.published_drives). All p, and more columns, by --json.
+    probability p, by the published rule (drive) and where what is lost stays lost (standing). Then
+    one drive by the published rule, for each size of team, with 95 % intervals and the published
+    shares beside: paths as published, and paths that truly end at the target. All p, and more
+    columns, by --json. The modules of experiments.planning say more.
     """
-    from vrchain.experiments.planning import published_drives as published
-    from vrchain.experiments.planning.lost_segments import TASKS_A_WORLD, blocked_drives, shares
+    from vrchain.experiments.planning import lost_segments, published_drives
     from vrchain.experiments.planning.speed import bench_planner
 
-    blocked = shares(blocked_drives(worlds, TASKS_A_WORLD, seed=seed), seed=seed)
-    drives = published.one_drive(worlds, TASKS_A_WORLD, seed=seed)
-    teams, gains = published.by_team(drives, seed=seed), published.gains(drives, seed=seed)
-    table = bench_planner(tasks, seed=seed)
-    if as_json:
-        print(_json(rows=table, blocked=blocked, one_drive=teams, gains=gains))
-        return
-    print(table.round(2).to_string(index=False, na_rep="-"))
-    print("\nshare that arrives, by drives")
-    wide = blocked.pivot_table("arrives", ["rule", "p", "method"], "drives", sort=False)
-    print(wide.round(3).to_string())
-    print(f"\n{published.as_text(teams)}")
-    inside = teams.inside.dropna()
-    print(f"\n{int(inside.sum())} of {len(inside)} published shares are in the interval of as many")
-    print(
-        "worlds here. By how much more drives of shortened chains arrive than breadth-first ones:"
+    n_tasks = lost_segments.TASKS_A_WORLD
+    blocked = lost_segments.shares(
+        lost_segments.blocked_drives(worlds, n_tasks, seed=seed), seed=seed
     )
-    print(gains.round(3).to_string(index=False))
+    drives = published_drives.one_drive(worlds, n_tasks, seed=seed)
+    teams = published_drives.by_team(drives, seed=seed)
+    gains = published_drives.gains(drives, seed=seed)
+    table = bench_planner(tasks, seed=seed)
+
+    def text() -> str:
+        arrives, told = lost_segments.as_text(blocked), published_drives.as_text(teams, gains)
+        return f"{_text(table)}\n\n{arrives}\n\n{told}"
+
+    _tell(as_json, text, rows=table, blocked=blocked, one_drive=teams, gains=gains)
 
 
 @app.command()
@@ -153,12 +134,11 @@ def flood(
     config = experiment.FloodConfig(robots=robots, phase_s=phase, rounds=rounds, seed=seed)
     measured = experiment.flood(config, kind or experiment.CONDITIONS)
     table, floods = experiment.summarise(measured, seed=seed), experiment.outcomes(measured)
-    if as_json:
-        print(_json(rows=table, floods=floods))
-        return
-    print(table.round(2).to_string(index=False, na_rep="-"))
-    print()
-    print(floods.round(2).set_index("name").T.to_string())
+
+    def text() -> str:
+        return f"{_text(table)}\n\n{floods.round(2).set_index('name').T.to_string()}"
+
+    _tell(as_json, text, rows=table, floods=floods)
 
 
 @app.command()
@@ -184,15 +164,19 @@ def ledger(
     """
     from vrchain.experiments.ledger import speed as experiment
 
-    bench = experiment.bench_ledger(
-        positions or experiment.POSITIONS, folder, seed=seed, rounds=rounds
-    )
+    asked = positions or experiment.POSITIONS
+    bench = experiment.bench_ledger(asked, folder, seed=seed, rounds=rounds)
+    _tell(as_json, lambda: experiment.as_text(bench), rows=bench.rows, sizes=bench.sizes)
+
+
+def _tell(as_json: bool, text: Callable[[], str], **tables: "pd.DataFrame") -> None:
+    """Print text, or one object, a list of rows by a table's name; what does not apply is null."""
     if as_json:
-        print(_json(rows=bench.rows, sizes=bench.sizes))
-        return
-    print(experiment.as_text(bench))
+        rows = {name: json.loads(t.to_json(orient="records")) for name, t in tables.items()}
+        print(json.dumps(rows))
+    else:
+        print(text())
 
 
-def _json(**tables: "pd.DataFrame") -> str:
-    """One object, a list of rows by a table's name; what does not apply is null."""
-    return json.dumps({k: json.loads(t.to_json(orient="records")) for k, t in tables.items()})
+def _text(table: "pd.DataFrame", decimals: int = 2) -> str:
+    return table.round(decimals).to_string(index=False, na_rep="-")

@@ -1,15 +1,16 @@
 """The command ``vrchain evaluate``: how well robots recognise and find their way."""
 
 import json
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vrchain.cli.options import Json
+from vrchain.cli.options import SUBURB, Json, SpecOrSuburb
 from vrchain.errors import MissionError
 from vrchain.files import check_output_file
-from vrchain.paths import BUILD, SCENES
+from vrchain.paths import BUILD
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -17,21 +18,12 @@ if TYPE_CHECKING:
 app = typer.Typer(no_args_is_help=True, help="Measure how well it works, with intervals.")
 
 FIRST_SEED = 2000  # those below are for training and for choosing
-SUBURB = SCENES / "suburb.yaml"
 
-_BY_DEFAULT = "scenes/suburb.yaml"  # said without the folder that it lies in
-Spec = Annotated[
-    Path,
-    typer.Argument(
-        metavar="[SPEC]",
-        help="A scene file, as in scenes/, or a world.",
-        show_default=_BY_DEFAULT,
-    ),
-]
-Seed = Annotated[int, typer.Option(min=0, help="Of suburbs and poses; 2,000 or more.")]
+Seed = Annotated[int, typer.Option(min=0, help="Of all that is drawn; 2,000 or more.")]
 AllowTrainingSeeds = Annotated[
     bool, typer.Option(help="Seeds below 2,000: what was learned from and chosen by.")
 ]
+Suburbs = Annotated[int, typer.Option(min=1, help="How many; a world is one.")]
 Jobs = Annotated[
     int | None,
     typer.Option(min=1, help="Processes at once; as many as there are cores, at most 4."),
@@ -43,7 +35,7 @@ Output = Annotated[
 
 @app.command()
 def landmarks(
-    spec: Spec = SUBURB,
+    spec: SpecOrSuburb = SUBURB,
     pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten in each suburb.")] = 40,
     spacing: Annotated[
         tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
@@ -60,32 +52,18 @@ def landmarks(
 
     Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
-    from vrchain.experiments.landmarks import evaluation
-    from vrchain.experiments.landmarks.scores import as_table, summarise
+    from vrchain.experiments.landmarks import precision as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    _check_seed(seed, allow_training_seeds)
-    found = evaluation.evaluate(
-        scenes_of(spec), pairs, spacing, [evaluation.row(v) for v in variant or evaluation.ROWS],
-        seed=seed, folder=_kept(output, "landmarks"),
-    )  # fmt: skip
-    summary = summarise(*found)
-    if as_json:
-        print(json.dumps(summary))
-        return
-    print(as_table(summary).to_string())
+    folder = _folder(output, "landmarks", seed, allow_training_seeds)
+    rows = [experiment.row(name) for name in variant or experiment.ROWS]
+    found = experiment.evaluate(scenes_of(spec), pairs, spacing, rows, seed=seed, folder=folder)
+    _tell(experiment.summarise(*found), as_json, experiment.as_table)
 
 
 @app.command()
 def strangers(
-    spec: Annotated[
-        Path,
-        typer.Argument(
-            metavar="[SPEC]",
-            help="A scene file: a world has no second suburb.",
-            show_default=_BY_DEFAULT,
-        ),
-    ] = SUBURB,
+    spec: SpecOrSuburb = SUBURB,
     pairs: Annotated[
         int, typer.Option(min=1, help="Half within one suburb, half across two; 1000 to report.")
     ] = 40,
@@ -99,23 +77,17 @@ def strangers(
 ) -> None:
     """Compare panoramas that have nothing in common: the share with any claim, by variant.
 
-    Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
+    In suburbs only: a world has no second one. Intervals: 95 %, bootstrap over suburbs. Broken off,
+    the same command goes on.
     """
-    from vrchain.experiments.intervals import shown
-    from vrchain.experiments.landmarks import evaluation
+    from vrchain.experiments.landmarks import strangers as experiment
     from vrchain.experiments.scenes import scenes_of
     from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 
-    _check_seed(seed, allow_training_seeds)
-    found = evaluation.strangers(
-        scenes_of(spec), pairs, [variant_named(v) for v in variant or [DEFAULT]], seed=seed,
-        folder=_kept(output, "strangers"),
-    )  # fmt: skip
-    table = evaluation.accused(found)
-    if not as_json:
-        claimed = [shown(dict(row), "claimed") for _, row in table.iterrows()]
-        table = table.assign(claimed=claimed).drop(columns="claimed_ci")
-    _print_rows(table, as_json)
+    folder = _folder(output, "strangers", seed, allow_training_seeds)
+    variants = [variant_named(name) for name in variant or [DEFAULT]]
+    found = experiment.strangers(scenes_of(spec), pairs, variants, seed=seed, folder=folder)
+    _tell_rows(experiment.accused(found), as_json, experiment.as_text)
 
 
 @app.command()
@@ -132,16 +104,16 @@ def photographs(
     from vrchain.experiments.landmarks.photographs import choose, compare_folders
 
     table = compare_folders(folders) if folders else choose()
-    _print_rows(table, as_json)
+    _tell_rows(table, as_json, lambda rows: rows.to_string(index=False))
 
 
 @app.command()
 def search(
-    spec: Spec = SUBURB,
+    spec: SpecOrSuburb = SUBURB,
     panoramas: Annotated[int, typer.Option(min=1, help="In each suburb.")] = 500,
     goals: Annotated[int, typer.Option(min=1, help="Looked up in each suburb.")] = 20,
     by_sift: Annotated[int, typer.Option(min=0, help="Of the goals, looked up by SIFT too.")] = 2,
-    suburbs: Annotated[int, typer.Option(min=1, help="How many; a world is one.")] = 1,
+    suburbs: Suburbs = 1,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     output: Output = None,
@@ -154,39 +126,22 @@ def search(
     from vrchain.experiments.landmarks import retrieval as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    _check_seed(seed, allow_training_seeds)
-    found = experiment.evaluate(
-        scenes_of(spec), suburbs, experiment.SearchConfig(panoramas, goals, by_sift), seed=seed,
-        folder=_kept(output, "search"),
-    )  # fmt: skip
-    summary = experiment.summarise(found)
-    if as_json:
-        print(json.dumps(summary))
-        return
-    for name, figures in summary.items():
-        print(name)
-        for figure, value in figures.items():
-            print(f"  {figure}: {_rounded(value)}")
-
-
-def _rounded(value: float | list[float] | None) -> float | list[float] | str:
-    if isinstance(value, list):
-        return [round(v, 3) for v in value]
-    return "-" if value is None else round(value, 3)
+    folder = _folder(output, "search", seed, allow_training_seeds)
+    config = experiment.SearchConfig(panoramas, goals, by_sift)
+    found = experiment.evaluate(scenes_of(spec), suburbs, config, seed=seed, folder=folder)
+    _tell(experiment.summarise(found), as_json, experiment.as_text)
 
 
 @app.command()
 def homing(
-    spec: Spec = SUBURB,
+    spec: SpecOrSuburb = SUBURB,
     places: Annotated[
         int, typer.Option(min=1, help="To home to, two in each suburb; 20 to report.")
     ] = 2,
     method: Annotated[
         list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
     ] = None,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of suburbs, places and headings; 2,000 or more.")
-    ] = 3000,
+    seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
     output: Output = None,
@@ -198,24 +153,19 @@ def homing(
     starts whose straight way is free. Intervals: 95 %, bootstrap over suburbs. Broken off, the same
     command goes on.
     """
-    from vrchain.experiments.homing import evaluation as experiment
+    from vrchain.experiments import homing as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    _check_seed(seed, allow_training_seeds)
+    folder, rows = _folder(output, "homing", seed, allow_training_seeds), method or experiment.ROWS
     found = experiment.evaluate(
-        scenes_of(spec), places, method or experiment.ROWS, seed=seed,
-        folder=_kept(output, "homing"), jobs=jobs,
+        scenes_of(spec), places, rows, seed=seed, folder=folder, jobs=jobs
     )  # fmt: skip
-    summary = experiment.summarise(found)
-    if as_json:
-        print(json.dumps(summary))
-        return
-    print(experiment.as_table(summary).to_string())
+    _tell(experiment.summarise(found), as_json, experiment.as_table)
 
 
 @app.command()
 def navigation(
-    spec: Spec = SUBURB,
+    spec: SpecOrSuburb = SUBURB,
     missions: Annotated[
         int, typer.Option(min=1, help="By turns in ten suburbs; 100 to report.")
     ] = 10,
@@ -238,9 +188,7 @@ def navigation(
     barred: Annotated[
         float, typer.Option(metavar="P", help="Share of legs with an obstacle nobody knows of.")
     ] = 0.0,
-    seed: Annotated[
-        int, typer.Option(min=0, help="Of suburbs, missions and noise; 2,000 or more.")
-    ] = 3000,
+    seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
     output: Output = None,
@@ -251,32 +199,23 @@ def navigation(
     Minutes a mission. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes
     on.
     """
-    from vrchain.experiments.missions import evaluation as experiment
-    from vrchain.experiments.missions import scores
+    from vrchain.experiments.missions import success as experiment
+    from vrchain.experiments.missions.drive import Conditions
     from vrchain.experiments.scenes import scenes_of
 
-    _check_seed(seed, allow_training_seeds)
+    folder = _folder(output, "navigation", seed, allow_training_seeds)
+    conditions = Conditions(patrol, wrong_edges, barred)
     found = experiment.evaluate(
-        scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed,
-        folder=_kept(output, "navigation"), to_places=to_places,
-        landmarks=landmarks, patrol_s=patrol, wrong_edges=wrong_edges, barred=barred, jobs=jobs,
+        scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
+        to_places=to_places, landmarks=landmarks, conditions=conditions, jobs=jobs,
     )  # fmt: skip
-    summary = scores.summarise(*found)
-    if as_json:
-        print(json.dumps(summary))
-        return
-    first = next(iter(summary.values()))
-    print(f"landmarks in the shortest chain, and missions: {first['chain_lengths']}")
-    print(f"rejected draws: {first['rejected_draws']}")
-    print(scores.as_table(summary).T.to_string())
-    print("\nroutes driven, by the trust in them, and how many led to the goal")
-    print(scores.routes_table(summary).to_string(index=False, na_rep="-"))
+    _tell(experiment.summarise(*found), as_json, experiment.as_text)
 
 
 @app.command()
 def goals(
-    spec: Spec = SUBURB,
-    suburbs: Annotated[int, typer.Option(min=1, help="How many; a world is one.")] = 4,
+    spec: SpecOrSuburb = SUBURB,
+    suburbs: Suburbs = 4,
     most: Annotated[int, typer.Option("--goals", min=1, help="Of each suburb, at most.")] = 14,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
@@ -292,30 +231,32 @@ def goals(
     from vrchain.experiments.missions import goals as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    _check_seed(seed, allow_training_seeds)
-    folder = _kept(output, "goals")
+    folder = _folder(output, "goals", seed, allow_training_seeds)
     found = experiment.evaluate(scenes_of(spec), suburbs, most, seed=seed, folder=folder, jobs=jobs)
-    summary = experiment.summarise(found)
-    print(json.dumps(summary) if as_json else experiment.as_table(summary).to_string())
+    _tell(experiment.summarise(found), as_json, experiment.as_table)
 
 
-def _print_rows(table: "pd.DataFrame", as_json: bool) -> None:
+def _tell(found: Any, as_json: bool, text: "Callable[[Any], str | pd.DataFrame]") -> None:
+    """Print what was found as one object, or as text or a table has it."""
     if as_json:
-        print(json.dumps({"rows": table.to_dict(orient="records")}))
+        print(json.dumps(found))
     else:
-        print(table.to_string(index=False))
+        told = text(found)
+        print(told if isinstance(told, str) else told.to_string())
 
 
-def _kept(output: Path | None, name: str) -> Path:
-    """The folder that results are kept in. OutputError, before any work, if none can be."""
-    folder = output or BUILD / "evaluate" / name
-    check_output_file(folder / "results")
-    return folder
+def _tell_rows(rows: "pd.DataFrame", as_json: bool, text: "Callable[[pd.DataFrame], str]") -> None:
+    found = {"rows": rows.to_dict(orient="records")}
+    _tell(found, as_json, lambda _: text(rows))
 
 
-def _check_seed(seed: int, allow_training_seeds: bool) -> None:
+def _folder(output: Path | None, name: str, seed: int, allow_training_seeds: bool) -> Path:
+    """Where results are kept. MissionError for a seed, OutputError where none can be kept."""
     if seed < FIRST_SEED and not allow_training_seeds:
         raise MissionError(
             f"seeds below {FIRST_SEED} were learned from or chosen by, got {seed}: take another, "
             "or --allow-training-seeds"
         )
+    folder = output or BUILD / "evaluate" / name
+    check_output_file(folder / "results")
+    return folder

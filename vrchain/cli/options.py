@@ -10,11 +10,21 @@ import typer
 
 from vrchain.errors import OutputError
 from vrchain.files import check_output_file
+from vrchain.paths import SCENES
 
 if TYPE_CHECKING:
     from vrchain.world.spec import SceneSpec
 
 Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
+SUBURB = SCENES / "suburb.yaml"
+SpecOrSuburb = Annotated[
+    Path,
+    typer.Argument(
+        metavar="[SPEC]",
+        help="A scene file or Gazebo world.",
+        show_default="scenes/suburb.yaml",  # without the folder that it lies in
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 
 

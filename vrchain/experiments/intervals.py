@@ -5,7 +5,7 @@ Should Know About the Bootstrap", 2015). Of ten normal values they hold the true
 cases, not in 0.90.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 import pandas as pd
@@ -13,6 +13,8 @@ from numpy.typing import NDArray
 from scipy.special import ndtr, stdtrit
 
 from vrchain.seeding import generator
+
+Array = NDArray[np.float64]
 
 _RESAMPLED = 1000
 _TAIL = 0.025  # on either side
@@ -23,7 +25,7 @@ def resampled(n: int, seed: int, what: str) -> NDArray[np.int64]:
     return generator(seed, "bootstrap", what).integers(n, size=(_RESAMPLED, n))
 
 
-def interval(drawn: NDArray[np.float64], n: int) -> tuple[float, float]:
+def interval(drawn: Array, n: int) -> tuple[float, float]:
     """The ends of the interval of a figure, (draws,), that was taken of each ``resampled`` n.
 
     NaN: of one suburb alone nothing tells how they differ.
@@ -35,22 +37,7 @@ def interval(drawn: NDArray[np.float64], n: int) -> tuple[float, float]:
     return float(first), float(last)
 
 
-def by_suburb(values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]) -> NDArray[np.float64]:
-    """Sums of values, each ``of`` a suburb: (suburbs,)."""
-    summed = values.astype(float).groupby(of).sum()
-    return np.asarray(summed.reindex(suburbs).fillna(0), dtype=float)
-
-
-def sums(
-    values: pd.Series, of: pd.Series, suburbs: NDArray[np.int64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Sums of values, each ``of`` a suburb, and how many there are: (suburbs,) each."""
-    return by_suburb(values, of, suburbs), by_suburb(values.notna(), of, suburbs)
-
-
-def ratio(
-    name: str, top: NDArray[np.float64], bottom: NDArray[np.float64], again: NDArray[np.int64]
-) -> dict[str, object]:
+def ratio(name: str, top: Array, bottom: Array, again: NDArray[np.int64]) -> dict[str, object]:
     """NAME: top over bottom, (suburbs,) each; NAME_ci: its interval; None: nothing to divide by.
 
     There is no interval either where suburbs do not tell it: one alone, all alike, or of some draws
@@ -65,9 +52,7 @@ def ratio(
     }
 
 
-def share(
-    name: str, hits: NDArray[np.float64], of: NDArray[np.float64], again: NDArray[np.int64]
-) -> dict[str, object]:
+def share(name: str, hits: Array, of: Array, again: NDArray[np.int64]) -> dict[str, object]:
     """The ratio of a count to all, (suburbs,) each, whose interval has a width in any case.
 
     Where all are hits, or none, resampling tells nothing: one end of the exact interval then
@@ -78,6 +63,31 @@ def share(
         off = float(1 - _TAIL ** (1 / n))
         found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
     return found
+
+
+class Bootstrap:
+    """Figures with 95 % intervals, of values that each belong to a suburb, or whatever was drawn.
+
+    of: the suburb of every value that counts; figures are made of ``resampled`` suburbs, which
+    what and seed tell.
+    """
+
+    def __init__(self, of: Iterable[int], what: str, seed: int = 0) -> None:
+        self.suburbs = np.unique(np.asarray(of))
+        self.again = resampled(len(self.suburbs), seed, what)
+
+    def sums(self, values: pd.Series, of: pd.Series) -> Array:
+        """Sums of values, each ``of`` a suburb: (suburbs,)."""
+        summed = values.astype(float).groupby(of).sum()
+        return np.asarray(summed.reindex(self.suburbs).fillna(0), dtype=float)
+
+    def mean(self, name: str, values: pd.Series, of: pd.Series) -> dict[str, object]:
+        """The mean of values, each ``of`` a suburb, as ``ratio`` tells it."""
+        return ratio(name, self.sums(values, of), self.sums(values.notna(), of), self.again)
+
+    def share(self, name: str, hits: pd.Series, of: pd.Series) -> dict[str, object]:
+        """The share of hits, each ``of`` a suburb, as ``share`` tells it."""
+        return share(name, self.sums(hits, of), self.sums(hits.notna(), of), self.again)
 
 
 def or_none(value: float | np.floating) -> float | None:
@@ -92,3 +102,11 @@ def shown(figures: Mapping[str, object], name: str, form: str = ".3f") -> str:
         return "-" if value is None else str(value)
     ends = f" [{interval[0]:{form}}, {interval[1]:{form}}]" if isinstance(interval, list) else ""
     return f"{value:{form}}{ends}"
+
+
+def table_of(
+    summary: Mapping[str, Mapping[str, object]], names: Sequence[str], rows: str, form: str = ".3f"
+) -> pd.DataFrame:
+    """Figures to read, each as ``shown``: a row each of ``summary``, a column each of ``names``."""
+    table = {row: {n: shown(f, n, form) for n in names} for row, f in summary.items()}
+    return pd.DataFrame(table).T.rename_axis(rows)

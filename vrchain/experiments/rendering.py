@@ -12,7 +12,7 @@ import pandas as pd
 
 from vrchain.errors import MissionError
 from vrchain.experiments.landmarks.pairs import draw_poses
-from vrchain.experiments.stopwatch import race_us
+from vrchain.experiments.stopwatch import COLUMNS, race_us, timed
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -21,8 +21,6 @@ from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.render.reference import LitRenderer
 from vrchain.world.truth import GroundTruth
-
-COLUMNS = ["name", "positions", "median_us", "reference_us", "ratio", "bar"]
 
 _PANORAMA_BAR_US, _BUILD_BAR_US = 250_000.0, 5_000_000.0
 
@@ -55,12 +53,11 @@ def bench_render(
     for run in runners.values():
         run(first)
     times_us = race_us(runners, poses, generator(seed, "bench", "turns"))
-    drawn_us, lit_us, cast_us = (float(np.median(times_us[name])) for name in runners)
     size = f"{rig.n_views} x {rig.width_px} x {rig.height_px}"
-    nothing = float("nan")
+    lit_us = float(np.median(times_us["lit"]))
     rows = [
-        (f"panorama {size}", n_positions, drawn_us, lit_us, drawn_us / lit_us, _PANORAMA_BAR_US),
-        (f"rays {size}", n_positions, cast_us, nothing, nothing, nothing),
-        ("scene", 1, build_us, nothing, nothing, _BUILD_BAR_US),
+        timed(f"panorama {size}", times_us["drawn"], lit_us, _PANORAMA_BAR_US),
+        timed(f"rays {size}", times_us["cast"]),
+        timed("scene", [build_us], bar_us=_BUILD_BAR_US),
     ]
     return pd.DataFrame(rows, columns=COLUMNS)

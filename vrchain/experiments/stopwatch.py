@@ -8,6 +8,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+COLUMNS = ["name", "positions", "median_us", "reference_us", "ratio", "bar"]  # of a bench
+
 Turn = TypeVar("Turn")
 
 
@@ -67,3 +69,18 @@ def race_us(
             run(turn)
             times_us[name][number] = (clock_ns() - start_ns) / 1e3
     return times_us
+
+
+def timed(
+    name: str,
+    times_us: Sequence[float] | NDArray[np.float64],
+    reference_us: float = np.nan,
+    bar_us: float = np.nan,
+) -> dict[str, object]:
+    """A bench's row, with ``COLUMNS``: the median of so many times, and over the reference's.
+
+    bar_us: what the median should not exceed. NaN where there is none.
+    """
+    median_us = float(np.median(times_us))
+    row = (name, len(times_us), median_us, reference_us, median_us / reference_us, bar_us)
+    return dict(zip(COLUMNS, row, strict=True))

@@ -4,7 +4,7 @@
         transaction = ledger.publish("R1", key, payload, "distance", timestamp_ns)
         ledger.payload(transaction.payload_digest) == payload
 
-A payload is bytes and their SHA-256; docs/ledger-format.md says how everything is stored.
+A payload is bytes and their SHA-256; docs/reference/ledger-format.md says how everything is stored.
 
 - ``store``, ``reader``: ``Ledger``, one process's handle on a folder: what it writes and reads.
 - ``records/``: what is signed and hashed. ``block`` (what a block's hash covers), ``transaction``,

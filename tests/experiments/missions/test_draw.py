@@ -13,8 +13,10 @@ from sights import RIG
 from worlds import RED, box, plain, world
 
 from vrchain.errors import MissionError
-from vrchain.experiments.missions import draw as missions
-from vrchain.experiments.missions.draw import Ground, Mission, TrueChain
+from vrchain.experiments.missions import chains as chain_search
+from vrchain.experiments.missions import draw
+from vrchain.experiments.missions.chains import APPROACH_M, PLACE, Chains, TrueChain, Views
+from vrchain.experiments.missions.draw import Ground, Mission
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import Sights, co_visible, shared
 from vrchain.world.model import SceneObject
@@ -28,7 +30,7 @@ def ground() -> Ground:
 
 @pytest.fixture
 def short_ways(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(missions, "WAY_M", (12.0, 60.0))
+    monkeypatch.setattr(draw, "WAY_M", (12.0, 60.0))
 
 
 @pytest.mark.usefixtures("short_ways")
@@ -55,8 +57,8 @@ def test_a_mission_is_as_it_should_be_and_the_same_twice(ground: Ground) -> None
 def test_a_place_is_out_of_sight_of_all_that_the_start_sees(ground: Ground) -> None:
     drawn = ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
     assert drawn == ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
-    assert drawn.goal == missions.PLACE and len(drawn.goal_poses) == 1
-    places = {tuple(stand) for stand in ground._places_of(5, 0)[0]}
+    assert drawn.goal == PLACE and len(drawn.goal_poses) == 1
+    places = {tuple(stand) for stand in ground.places(5, 0)[0]}
     assert {astuple(p) for p in (*drawn.poses.values(), *drawn.goal_poses)} <= places
     start, (place,) = drawn.poses["R1"], drawn.goal_poses
     assert not co_visible(ground.truth, start, place, RIG)
@@ -84,7 +86,7 @@ def test_every_third_mission_needs_two_landmarks_or_each_as_many_as_asked(
 
 def _shortest_by_two_m(ground: Ground, drawn: Mission) -> float:
     """The shortest way by any two landmarks that make a chain, one after the other."""
-    truth, goal = ground.truth, ground.scene.index_of(drawn.goal)
+    truth, chains, goal = ground.truth, ground.chains, ground.scene.index_of(drawn.goal)
     first, *others = drawn.poses
     seen = {name: Sights(truth, pose, RIG) for name, pose in drawn.poses.items()}
     far_m = ground.free.from_m(drawn.poses[first].xy_m)
@@ -98,15 +100,15 @@ def _shortest_by_two_m(ground: Ground, drawn: Mission) -> float:
             for pair in ((first, a), (a, b))
         )
         for i, j in product(firsts, seconds):
-            if i != j and j in ground._near(i, region) and goal in ground._near(j, region):
-                ways_m.append(_by_m(ground, far_m, (i, j))[ground._zone(goal, region)].min())
+            if i != j and j in chains.near(i, region) and goal in chains.near(j, region):
+                ways_m.append(_by_m(chains, far_m, (i, j))[chains.zone(goal, region)].min())
     return min(ways_m)
 
 
-def _by_m(ground: Ground, far_m: np.ndarray, landmarks: Iterable[int]) -> np.ndarray:
+def _by_m(ground: Chains, far_m: np.ndarray, landmarks: Iterable[int]) -> np.ndarray:
     """How far every point is from a start by way of some landmarks, one after the other."""
     for i in landmarks:
-        zone = ground.free.around(ground.scene.objects[i].footprint, missions.APPROACH_M)
+        zone = ground.free.around(ground.scene.objects[i].footprint, APPROACH_M)
         far_m = ground.free.through_m(far_m[zone], zone)
     return far_m
 
@@ -132,16 +134,17 @@ class Made:
         self.poses = {name: Pose(float(k), 0.0) for k, name in enumerate(self.names)}
         last = self.poses[self.names[-1]]
         truth = SimpleNamespace(sees=lambda target, pose, rig: pose == last)
-        monkeypatch.setattr(missions, "shared", self._shared)
-        monkeypatch.setattr(Ground, "_visible", self._visible)
-        self.ground = Ground(self.scene, cast(GroundTruth, truth), RIG)
+        monkeypatch.setattr(chain_search, "shared", self._shared)
+        monkeypatch.setattr(Chains, "_visible", self._visible)
+        self.truth = cast(GroundTruth, truth)
+        self.chains = Chains(self.scene, self.truth, RIG)
 
     def _shared(self, truth: object, a: Sights, b: Sights) -> list[int]:
         pair = " ".join(sorted(self.names[int(s.pose.x_m)] for s in (a, b)))
         return [self.scene.index_of(name) for name in self.common.get(pair, ())]
 
     def _visible(self, vantages: np.ndarray) -> list[int]:
-        points_m = self.ground.free.points_m[vantages]
+        points_m = self.chains.free.points_m[vantages]
         points = shapely.points(points_m)
         name = min(self.near, key=lambda n: shapely.distance(self._footprint(n), points).max())
         seen = self.near[name] if any(map(self.where, points_m)) else ()
@@ -151,39 +154,23 @@ class Made:
         return self.scene.objects[self.scene.index_of(name)].footprint
 
     def zone(self, name: str) -> np.ndarray:
-        return self.ground.free.around(self._footprint(name), missions.APPROACH_M)
+        return self.chains.free.around(self._footprint(name), APPROACH_M)
 
     def chain(self, start_xy_m: tuple[float, float], least: int = 0) -> TrueChain | None:
-        far_m = self.ground.free.from_m(np.array(start_xy_m))
+        far_m = self.chains.free.from_m(np.array(start_xy_m))
         target = self.scene.index_of("goal")
-        return self.ground.chain(self.poses, target, far_m, self.zone("goal"), least)
+        views = Views(self.truth, RIG, self.chains.free)
+        return self.chains.chain(self.poses, target, far_m, self.zone("goal"), views, least)
 
     def way_m(self, start_xy_m: tuple[float, float], *names: str) -> float:
         """The shortest way by way of some landmarks, to the last of them."""
-        far_m = self.ground.free.from_m(np.array(start_xy_m))
+        far_m = self.chains.free.from_m(np.array(start_xy_m))
         by = [self.scene.index_of(name) for name in names[:-1]]
-        return float(_by_m(self.ground, far_m, by)[self.zone(names[-1])].min())
+        return float(_by_m(self.chains, far_m, by)[self.zone(names[-1])].min())
 
 
 def _post(name: str, x_m: float, y_m: float) -> SceneObject:
     return box(name, (x_m, y_m), (1.0, 1.0, 1.0), plain(RED))
-
-
-def test_a_robot_is_come_by_again_by_a_landmark_that_shows_more(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    made = Made(
-        monkeypatch,
-        [_post("a", -12, -12), _post("b", 12, -12), _post("c", 12, 0), _post("d", 12, 12),
-         _post("goal", 0, 12)],
-        {"R1 R2": ["a"], "R1 R3": ["b"], "R2 R3": ["c"], "R2 R4": ["d"]},
-        {"a": [], "b": ["c"], "c": ["d"], "d": ["goal"]},
-    )  # fmt: skip
-    chain = made.chain((0.0, -12.0))
-    assert chain is not None
-    assert (chain.robots, chain.landmarks) == (("R1", "R3", "R2", "R4"), ("b", "c", "d"))
-    assert made.chain((0.0, -12.0), least=3) == chain
-    assert made.chain((0.0, -12.0), least=4) is None
 
 
 def test_a_landmark_is_come_to_where_the_rest_of_the_way_is_shortest(
@@ -244,6 +231,8 @@ def test_a_chain_is_the_shortest_of_all_with_fewest_landmarks(
         assert not every
     else:
         assert (found.robots, found.landmarks) in every
+        assert made.chain(start, least=len(found.landmarks)) == found
+        assert made.chain(start, least=len(found.landmarks) + 1) is None
         assert found.way_m == pytest.approx(made.way_m(start, *found.landmarks, "goal"))
         assert found.way_m == pytest.approx(min(made.way_m(start, *by, "goal") for _, by in every))
 
@@ -264,7 +253,7 @@ def _chains(made: Made, n: int) -> list[tuple[tuple[str, ...], tuple[str, ...]]]
 def test_where_no_mission_can_be_it_says_so(
     ground: Ground, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(missions, "WAY_M", (500.0, 600.0))
-    monkeypatch.setattr(missions, "_DRAWS", 5)
+    monkeypatch.setattr(draw, "WAY_M", (500.0, 600.0))
+    monkeypatch.setattr(draw, "_DRAWS", 5)
     with pytest.raises(MissionError, match="found no mission"):
         ground.draw(5, 0, 1, 3)

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from conftest import SAID
 
-from vrchain.experiments.landmarks.bands import VARIANTS
+from vrchain.experiments.landmarks.over_distance import VARIANTS
 from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
 from vrchain.experiments.reproduction import stages as reproduction
 from vrchain.experiments.reproduction.paper import OURS, TABLE

@@ -1,6 +1,6 @@
-"""How many common landmarks two robots find, how many of them are right, and how well placed."""
+"""Pairs of poses to compare, and the claims of common landmarks of any pairs, judged by truth."""
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -9,7 +9,7 @@ import pandas as pd
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.matching.common import MatchConfig, compare
+from vrchain.landmarks.matching.common import Comparison, compare
 from vrchain.landmarks.quality import judge, names_in_common
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -17,9 +17,10 @@ from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
 
 _TRIES = 1000
-_PAIR = ["pair", "spacing_m", "co_visible"]
-_CLAIM = ["score", "right", "shared", "duplicate", "twin", "quality_m", "support", "object"]
-_COLUMNS = [*_PAIR, *_CLAIM]
+_COLUMNS = [
+    "pair", "spacing_m", "co_visible", "score", "right", "shared", "duplicate", "twin", "quality_m",
+    "support", "object",
+]  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,6 @@ def claims_of(
     looks: Iterable[tuple[Look, Look]],
     truth: GroundTruth,
     rig: CameraRig,
-    config: MatchConfig | None = None,
 ) -> pd.DataFrame:
     """Claims of common landmarks for pairs of looks, one row a claim.
 
@@ -46,57 +46,48 @@ def claims_of(
     rows: list[dict[str, object]] = []
     for number, (a, b) in enumerate(looks):
         poses, features = (a.pose, b.pose), (a.features, b.features)
-        comparison = compare(*features, rig, config)
-        spacing_m = a.pose.distance_to_m(b.pose.xy_m)
+        found = compare(*features, rig)
         shared = names_in_common(truth, *poses, rig)
+        spacing_m = a.pose.distance_to_m(b.pose.xy_m)
         pair: dict[str, object] = {
             "pair": number,
             "spacing_m": spacing_m,
             "co_visible": len(shared),
         }
-        verdicts = judge(comparison, truth, poses, features, rig, (a.robots, b.robots))
-        for claim, verdict in zip(comparison.common, verdicts, strict=True):
-            rows.append(
-                pair
-                | {
-                    "score": claim.score,
-                    "right": verdict.right,
-                    "shared": verdict.right and verdict.object_a in shared,
-                    "duplicate": verdict.duplicate,
-                    "twin": verdict.twin,
-                    "quality_m": verdict.quality_m,
-                    "support": len(claim.support_a),
-                    "object": verdict.object_a,
-                }
-            )
-        if not verdicts:
-            rows.append(pair)
-    return pd.DataFrame(rows, columns=_COLUMNS)
+        made = judged(found, truth, poses, features, rig, shared, (a.robots, b.robots))
+        rows += [pair | claim for claim in made] or [pair]
+    return pd.DataFrame(rows).rename(columns={"object_a": "object"}).reindex(columns=_COLUMNS)
 
 
-def summarise(claims: pd.DataFrame) -> dict[str, float]:
-    """pair_success, precision, recall and quality of ``claims_of``'s table.
+def judged(
+    found: Comparison,
+    truth: GroundTruth,
+    poses: tuple[Pose, Pose],
+    features: tuple[Features, Features],
+    rig: CameraRig,
+    shared: Set[str],
+    robots: tuple[Mapping[str, Pose], Mapping[str, Pose]] = ({}, {}),
+) -> list[dict[str, object]]:
+    """A row for each claim: its score and support, and its ``Verdict``.
 
-    A second claim on one object pair is a duplicate and counts for nothing.
+    shared: the landmarks that are co-visible, by name; the others as ``judge`` has them.
     """
-    made = claims[claims.score.notna() & ~claims.duplicate.eq(True)]
-    pairs = claims.groupby("pair").first()
-    fair = pairs[pairs.co_visible > 0]
-    best = made.sort_values("score", ascending=False, kind="stable").groupby("pair").first()
-    best_right = best.right.reindex(fair.index).eq(True)
-    right = made.right.astype(bool)
-    return {
-        "n_pairs": len(pairs),
-        "pairs_without_common": int((pairs.co_visible == 0).sum()),
-        "pair_success": float(best_right.mean()),
-        "precision": float(right.mean()) if len(made) else float("nan"),
-        "recall": float(made.shared.astype(bool).sum() / max(1, pairs.co_visible.sum())),
-        "n_claims": len(made),
-        "claims_per_pair": len(made) / max(1, len(pairs)),
-        "twin_claims": int(made.twin.astype(bool).sum()),
-        "quality_m_mean": float(made.quality_m.mean()),
-        "quality_m_median": float(made.quality_m.median()),
-    }
+    return [
+        {
+            "score": claim.score,
+            "right": verdict.right,
+            "shared": verdict.right and verdict.object_a in shared,
+            "twin": verdict.twin,
+            "duplicate": verdict.duplicate,
+            "quality_m": verdict.quality_m,
+            "support": len(claim.support_a),
+            "object_a": verdict.object_a,
+            "object_b": verdict.object_b,
+        }
+        for claim, verdict in zip(
+            found.common, judge(found, truth, poses, features, rig, robots), strict=True
+        )
+    ]
 
 
 def draw_poses(scene: Scene, n: int, draws: np.random.Generator) -> list[Pose]:

@@ -50,10 +50,8 @@ def choose(suburbs: int | None = None) -> pd.DataFrame:
     pairs are claimed, and the share of related ones that is claimed then. Of equals the strictest
     tolerance is best.
     """
-    pairs = {
-        "unrelated": list(unrelated_pairs(suburbs)),
-        "related": list(related_pairs(suburbs)),
-    }
+    kinds = {"unrelated": unrelated_pairs, "related": related_pairs}
+    pairs = {name: list(drawn(suburbs)) for name, drawn in kinds.items()}
     rows = []
     for ratio, tolerance_px in product((0.8, 0.85), (1.0, 1.5, 2.0, 4.0)):
         tried = replace(PhotoConfig(), ratio=ratio, tolerance_px=tolerance_px)
@@ -98,10 +96,8 @@ def related_pairs(suburbs: int | None = None) -> Iterator[tuple[Described, Descr
         middles = [o.bounds_m.mean(axis=0)[:2] for o in scene.objects if o.kind in _BUILDINGS]
         made = 0
         for _ in range(_TRIES):
-            middle, azimuth = (
-                middles[int(draws.integers(len(middles)))],
-                draws.uniform(-np.pi, np.pi),
-            )
+            middle = middles[int(draws.integers(len(middles)))]
+            azimuth = draws.uniform(-np.pi, np.pi)
             azimuths = azimuth + np.array([0.0, draws.uniform(-_AZIMUTH_RAD, _AZIMUTH_RAD)])
             away = np.stack([np.cos(azimuths), np.sin(azimuths)], axis=1)
             places = middle + draws.uniform(*_RANGE_M, (2, 1)) * away

@@ -3,7 +3,6 @@
 Every goal is looked up twice: where some panoramas show it, and, those left out, where none does.
 """
 
-import json
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
@@ -15,9 +14,9 @@ from tqdm.auto import tqdm
 
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import ratio, resampled, share
+from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.landmarks.pairs import draw_poses
 from vrchain.experiments.scenes import Scenes
-from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import (
     LandmarkRecord,
@@ -33,7 +32,6 @@ from vrchain.landmarks.retrieval.recognition import find_goal, goal_of
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
 from vrchain.simulation.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
-from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -61,19 +59,13 @@ def evaluate(
     """
     if min(config.panoramas, config.goals, n_scenes) < 1:
         raise MissionError(f"expected 1 panorama, goal and scene or more, got {config}")
-    asked = [code_digest(), scenes.digest, asdict(config), seed, maker_of()]
-    own = folder / name_of(asked)
-    tables = []
-    for k in range(n_scenes if scenes.varied else 1):
-        file = own / f"scene_{k:02d}.json"
-        if not file.exists():
-            found = _search_in(scenes.scene(seed, k), config, seed, k)
-            write_file(file, found.to_json(orient="records").encode())
-        rows = json.loads(file.read_text())
-        tables += [pd.DataFrame(rows).assign(scene=k)] if rows else []
-    if not tables:
+    own = folder_of(folder, scenes, asdict(config), seed, maker_of())
+    files = [own / f"scene_{k:02d}.json" for k in range(n_scenes if scenes.varied else 1)]
+    found = kept_each(partial(_search_in, scenes, config, seed), files, 1, "scenes")
+    rows = [{**row, "scene": k} for k, scene in enumerate(found) for row in scene]
+    if not rows:
         raise MissionError("no panorama shows a goal that can be pictured: ask for more panoramas")
-    return pd.concat(tables, ignore_index=True)
+    return pd.DataFrame(rows)
 
 
 def summarise(found: pd.DataFrame) -> dict[str, dict]:
@@ -89,12 +81,15 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
         if own.empty:
             continue
         there, gone = own[own.present], own[~own.present]
+        again, n_goals = resampled(len(there), 0, "search"), np.ones(len(there))
+        counts = there[["found", "answered", "showing"]].to_numpy(dtype=float).T
+        found_in, answered, showing = counts
         summary[way] = {
             "n": len(there),
-            **_right("first_right", there.right),
-            **_right("nobody_right", gone.right),
-            **_over("precision", there.found, there.answered),
-            **_over("recall", there.found, there.showing),
+            **share("first_right", there.right.to_numpy(dtype=float), n_goals, again),
+            **share("nobody_right", gone.right.to_numpy(dtype=float), n_goals, again),
+            **ratio("precision", found_in, answered, again),
+            **ratio("recall", found_in, showing, again),
             "ms_per_goal": float(own.s.median() * 1e3),
         }
     both = found[found.groupby(["scene", "goal"]).way.transform("nunique") == len(WAYS)]
@@ -111,16 +106,18 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
     return summary
 
 
-def _over(name: str, part: pd.Series, whole: pd.Series) -> dict[str, object]:
-    """NAME and NAME_ci: panoramas over panoramas, a value a goal; None: of nothing."""
-    top, bottom = part.to_numpy(dtype=float), whole.to_numpy(dtype=float)
-    return ratio(name, top, bottom, resampled(len(top), 0, "search"))
+def as_text(summary: dict[str, dict]) -> str:
+    """The figures to read, one a line below the name of their way."""
+    lines: list[str] = []
+    for way, figures in summary.items():
+        lines += [way, *(f"  {name}: {_rounded(value)}" for name, value in figures.items())]
+    return "\n".join(lines)
 
 
-def _right(name: str, right: pd.Series) -> dict[str, object]:
-    """NAME and NAME_ci: of goals, the share whose answer is right."""
-    hits = right.to_numpy(dtype=float)
-    return share(name, hits, np.ones(len(hits)), resampled(len(hits), 0, "search"))
+def _rounded(value: float | list[float] | None) -> float | list[float] | str:
+    if isinstance(value, list):
+        return [round(v, 3) for v in value]
+    return "-" if value is None else round(value, 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,32 +133,34 @@ class _Taken:
     hints: frozenset[int]
 
 
-def _search_in(scene: Scene, config: SearchConfig, seed: int, k: int) -> pd.DataFrame:
-    renderer, truth, rig = Renderer(scene), GroundTruth(scene), CameraRig()
+def _search_in(scenes: Scenes, config: SearchConfig, seed: int, k: int) -> list[dict[str, object]]:
+    scene, rig = scenes.scene(seed, k), CameraRig()
+    renderer, truth = Renderer(scene), GroundTruth(scene)
     draws = generator(seed, "search", k)
     poses = draw_poses(scene, config.panoramas, draws)
     taken = [
         _take(renderer.render(pose, rig), truth, pose)
         for pose in tqdm(poses, desc="panoramas", disable=None)
     ]
-    rows: list[dict] = []
+    rows: list[dict[str, object]] = []
     looked_up = 0
     for goal in map(int, draws.permutation(goal_ids(scene, None))):
+        if looked_up == config.goals:
+            break
         showing = {n for n, t in enumerate(taken) if goal in t.shows}
         pictured = goal_poses(scene, truth, goal, seed)
         if not showing or len(pictured) < GOAL_PICTURES:
             continue
         name = scene.objects[goal].name
         pictures = goal_pictures(scene, renderer, name, pictured, rig)
-        ways = {"gallery": _by_gallery}
-        if looked_up < config.by_sift:
-            ways["sift"] = _by_sift
+        ways = {"gallery": _by_gallery, "sift": _by_sift}
+        if looked_up >= config.by_sift:
+            del ways["sift"]
         for present in (True, False):
-            among = [n for n, t in enumerate(taken) if present or goal not in t.hints]
+            among = {n: t for n, t in enumerate(taken) if present or goal not in t.hints}
             for way, look_up in ways.items():
-                answer = partial(look_up, {n: taken[n] for n in among})
                 start = perf_counter()
-                answers = answer(pictures)
+                answers = look_up(among, pictures)
                 seconds = perf_counter() - start
                 right = answers[:1] and answers[0] in showing if present else not answers
                 rows.append(
@@ -177,9 +176,7 @@ def _search_in(scene: Scene, config: SearchConfig, seed: int, k: int) -> pd.Data
                     }
                 )
         looked_up += 1
-        if looked_up == config.goals:
-            break
-    return pd.DataFrame(rows)
+    return rows
 
 
 def _take(panorama: Panorama, truth: GroundTruth, pose: Pose) -> _Taken:

@@ -11,8 +11,7 @@ import pandas as pd
 
 from vrchain.errors import MissionError
 from vrchain.experiments.landmarks.pairs import draw_pairs, draw_poses
-from vrchain.experiments.rendering import COLUMNS
-from vrchain.experiments.stopwatch import race_us
+from vrchain.experiments.stopwatch import COLUMNS, race_us, timed
 from vrchain.landmarks.extraction.proposer import propose
 from vrchain.landmarks.extraction.record import examine
 from vrchain.landmarks.extraction.sift import extract
@@ -25,7 +24,6 @@ from vrchain.world.render import Renderer
 
 SPACING_M = (1.0, 20.0)  # between the two of a pair
 _PROPOSE_BAR_US, _PAIR_BAR_US = 150_000.0, 30_000.0
-_NOTHING = float("nan")
 
 
 def bench_landmarks(spec: str | Path, n_positions: int, *, seed: int) -> pd.DataFrame:
@@ -53,8 +51,8 @@ def bench_landmarks(spec: str | Path, n_positions: int, *, seed: int) -> pd.Data
     )  # fmt: skip
     sift_us = float(np.median(looks["sift"]))
     rows = [
-        _row("propose", n_positions, looks["propose"], sift_us, _PROPOSE_BAR_US),
-        _row("examine", n_positions, looks["examine"], sift_us, _NOTHING),
+        timed("propose", looks["propose"], sift_us, _PROPOSE_BAR_US),
+        timed("examine", looks["examine"], sift_us),
     ]
     variants = {name: variant_named(name) for name in ("cnn", "cnn+sift", "sift")}
     pairs = [
@@ -67,16 +65,10 @@ def bench_landmarks(spec: str | Path, n_positions: int, *, seed: int) -> pd.Data
     compared = race_us({n: partial(_compare, n, v) for n, v in variants.items()}, seen, order)
     sift_us = float(np.median(compared.pop("sift")))
     rows += [
-        _row(f"pair {name}", n_positions, times, sift_us, _PAIR_BAR_US)
-        for name, times in compared.items()
+        timed(f"pair {name}", times, sift_us, _PAIR_BAR_US) for name, times in compared.items()
     ]
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def _compare(name: str, variant: Variant, seen: dict) -> object:
     return variant.compare(*seen[name])
-
-
-def _row(name: str, n: int, times: np.ndarray, reference_us: float, bar: float) -> tuple:
-    median = float(np.median(times))
-    return name, n, median, reference_us, median / reference_us, bar

@@ -4,7 +4,6 @@ What arrival rests on: how much is seen of the goal, from how many sides it is s
 anything that is not the goal ever is.
 """
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
@@ -15,10 +14,9 @@ import pandas as pd
 import shapely
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import or_none, resampled, share, shown, sums
+from vrchain.experiments.intervals import Bootstrap, or_none, table_of
+from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.scenes import Scenes
-from vrchain.experiments.workers import each
-from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import maker_of
 from vrchain.navigation.driving.estimates import Estimate
@@ -63,20 +61,17 @@ def evaluate(
     """
     if min(n_suburbs, n_goals) < 1:
         raise MissionError(f"expected 1 suburb and goal or more, got {n_suburbs} and {n_goals}")
-    own = folder / name_of([code_digest(), scenes.digest, n_goals, seed, maker_of()])
+    own = folder_of(folder, scenes, n_goals, seed, maker_of())
     files = [own / f"suburb_{k:02d}.json" for k in range(n_suburbs if scenes.varied else 1)]
-    left = [k for k, file in enumerate(files) if not file.exists()]
-    each(partial(_save, scenes, seed, n_goals, files), left, jobs, "suburbs")
-    rows = [
-        {"suburb": k, **row} for k, file in enumerate(files) for row in json.loads(file.read_text())
-    ]
+    suburbs = kept_each(partial(_rows, scenes, seed, n_goals), files, jobs, "suburbs")
+    rows = [{"suburb": k, **row} for k, suburb in enumerate(suburbs) for row in suburb]
     if not rows:
         raise MissionError("no goal can be pictured and seen here: take more suburbs or goals")
     found = pd.DataFrame(rows)
     return found if scenes.varied else found.assign(suburb=pd.factorize(found.goal)[0])
 
 
-def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[str, dict]:
+def summarise(found: pd.DataFrame) -> dict[str, dict]:
     """By "goal" and "another house": how many goals, houses and looks, and what is seen in them.
 
     likely: share of looks by which it may be the goal. keypoints: in the median, in 99 % of looks,
@@ -84,7 +79,7 @@ def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[
     which it is sure, or is with so many sides more, one after the other; intervals: 95 %, over
     suburbs. houses_sure: of how many houses all looks together make sure.
     """
-    config, summary = config or MissionConfig(), {}
+    config, summary = MissionConfig(), {}
     for name, looks in (("goal", found[found.own]), ("another house", found[~found.own])):
         houses = looks.groupby(["suburb", "goal", "house"])
         tried = pd.DataFrame([row for _, h in houses for row in _from_sides(h, config)])
@@ -107,18 +102,16 @@ def summarise(found: pd.DataFrame, config: MissionConfig | None = None) -> dict[
 def as_table(summary: dict[str, dict]) -> pd.DataFrame:
     """The figures to read: one column a kind of house, intervals in brackets."""
     names = [n for n in summary["goal"] if not n.endswith("_ci")]
-    return pd.DataFrame({k: {n: shown(f, n, ".4g") for n in names} for k, f in summary.items()})
+    return table_of(summary, names, "looked at", ".4g").T.rename_axis(columns=None)
 
 
 def _shares(tried: pd.DataFrame) -> dict[str, object]:
     """sure, sure_1, ... and their intervals."""
     found: dict[str, object] = {}
-    if tried.empty:
-        return found
-    suburbs = np.unique(tried.suburb)
-    again = resampled(len(suburbs), 0, "goal sights")
-    for n in _MORE_SIDES:
-        found |= share(_sure(n), *sums(tried[_sure(n)], tried.suburb, suburbs), again)
+    if len(tried):
+        told = Bootstrap(tried.suburb, "goal sights")
+        for name in map(_sure, _MORE_SIDES):
+            found |= told.share(name, tried[name], tried.suburb)
     return found
 
 
@@ -159,18 +152,11 @@ def _suspect(sights: Sequence[GoalSight]) -> Candidate:
     return Candidate(place, 0.0, tuple((Pose(float(k), 0.0), s) for k, s in enumerate(kept)))
 
 
-def _save(scenes: Scenes, seed: int, n_goals: int, files: Sequence[Path], k: int) -> None:
-    write_file(files[k], json.dumps(_rows(scenes, seed, n_goals, k)).encode())
-
-
 def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
-    scene, rig, rows = scenes.scene(seed, k), CameraRig(), []
+    scene, rig = scenes.scene(seed, k), CameraRig()
     renderer, truth = Renderer(scene), GroundTruth(scene)
-    perception, draws, looks = (
-        learned_perception(),
-        generator(seed, "goal sights", k),
-        list[_Seen](),
-    )
+    perception, draws = learned_perception(), generator(seed, "goal sights", k)
+    looks: list[_Seen] = []
     houses = goal_ids(scene, None)
     for house in houses:
         footprint = scene.objects[house].footprint
@@ -188,6 +174,7 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
                     look = perception.examine(simulator.observe("R1", towards_rad=0.0))
                     shows = frozenset(truth.visibility(pose, rig).index)
                     looks.append(_Seen(house, side, range_m, look, shows))
+    rows: list[dict] = []
     pictured = 0
     for goal in map(int, draws.permutation(houses)):
         if pictured == n_goals:

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,7 +39,7 @@ class Oracle:
     def __init__(self, truth: GroundTruth, rig: CameraRig) -> None:
         self.truth, self.rig = truth, rig
         self._taken: dict[int, tuple[Look, Pose]] = {}
-        self._sights: dict[Pose, Sights] = {}
+        self._sights = cache(lambda pose: Sights(truth, pose, rig))
 
     def perception(self, here: Callable[[], Pose], stored: Callable[[bytes], Pose]) -> Perception:
         """The eyes of a robot. here: its true pose; stored: that of a panorama, by its bytes."""
@@ -72,16 +73,13 @@ class Oracle:
     def compare(self, a: Look, b: Look) -> Comparison:
         """The landmarks that are truly co-visible, and the true relative pose."""
         pose_a, pose_b = self._taken[id(a)][1], self._taken[id(b)][1]
-        both = shared(self.truth, self._sights_from(pose_a), self._sights_from(pose_b))
-        names = [self.truth.scene.objects[i].name for i in both]
+        both = shared(self.truth, self._sights(pose_a), self._sights(pose_b))
         claims = []
-        for name in names:
+        for i in both:
             regions = []
-            for look in (a, b):
-                p = look.proposals
-                alike = p.embedding @ _embedding(name)
-                if len(alike) and alike.max() > _SAME:
-                    regions += regions_of(p, np.array([alike.argmax()]), self.rig)
+            for p in (a.proposals, b.proposals):
+                own = _index_of(p, _embedding(self.truth.scene.objects[i].name))
+                regions += regions_of(p, np.array([own]), self.rig) if own is not None else []
             if len(regions) == 2:
                 claims.append(CommonLandmark(1.0, regions[0], regions[1], _NONE, _NONE))
         geometry = PlanarGeometry(
@@ -93,13 +91,8 @@ class Oracle:
         )
         return Comparison(tuple(claims), geometry)
 
-    def _sights_from(self, pose: Pose) -> Sights:
-        if pose not in self._sights:
-            self._sights[pose] = Sights(self.truth, pose, self.rig)
-        return self._sights[pose]
-
     def _look(self, pose: Pose, record: LandmarkRecord | None = None) -> Look:
-        sights = self._sights_from(pose)
+        sights = self._sights(pose)
         ids, points = sights.surface
         objects = self.truth.scene.objects
         chosen = sorted(i for i in sights.visible if objects[i].landmark)
@@ -108,12 +101,10 @@ class Oracle:
             own = points[ids == i]
             if len(own) == 0:
                 own = np.append(objects[i].bounds_m.mean(axis=0)[:2], 1.0)[None]
-            offset = own[:, :2] - pose.xy_m
-            away_m = np.hypot(*offset.T)
             middle = objects[i].bounds_m[:, :2].mean(axis=0)
             bearing.append(pose.bearing_to_rad(middle))
             range_m.append(pose.distance_to_m(middle))
-            box.append(self._box(pose, offset, away_m, own[:, 2]))
+            box.append(self._box(pose, own))
         n = len(chosen)
         proposals = Proposals(
             np.ones(n), np.array(box).reshape(n, 4), np.array(bearing), np.array(range_m),
@@ -125,22 +116,16 @@ class Oracle:
         self._taken[id(look)] = look, pose
         return look
 
-    def _box(
-        self,
-        pose: Pose,
-        offset_m: NDArray[np.float64],
-        away_m: NDArray[np.float64],
-        z_m: NDArray[np.float64],
-    ) -> tuple[float, float, float, float]:
+    def _box(self, pose: Pose, points_m: NDArray[np.float64]) -> tuple[float, float, float, float]:
         """The box of what is seen; its lower edge is where the nearest point stands."""
+        offset_m, height_m = points_m[:, :2] - pose.xy_m, self.rig.camera_height_m
+        away_m = np.hypot(*offset_m.T)
         angle = np.arctan2(offset_m[:, 1], offset_m[:, 0]) - pose.yaw_rad
         middle = float(np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()))
         off = wrap_angle_rad(angle - middle)
-        height_m = self.rig.camera_height_m
-        low = -height_m / float(away_m.min())
         return (
-            middle + float(off.min()), middle + float(off.max()), low,
-            float(((z_m - height_m) / away_m).max()),
+            middle + float(off.min()), middle + float(off.max()), -height_m / float(away_m.min()),
+            float(((points_m[:, 2] - height_m) / away_m).max()),
         )  # fmt: skip
 
 
@@ -159,10 +144,9 @@ class TrueGoal:
     ) -> GoalSight | None:
         """The goal, if it is in view."""
         p = look.proposals
-        alike = p.embedding @ self.embedding
-        if len(alike) == 0 or alike.max() <= _SAME:
+        k = _index_of(p, self.embedding)
+        if k is None:
             return None
-        k = int(alike.argmax())
         bearing, half_rad = float(p.box[k, :2].mean()), float(np.ptp(p.box[k, :2])) / 2
         if near_rad is not None:
             off_rad = abs(float(wrap_angle_rad(bearing - near_rad)))
@@ -173,6 +157,12 @@ class TrueGoal:
             _ENOUGH, _ALIKE, 1.0,
         )  # fmt: skip
         return sight if fair(sight) else None
+
+
+def _index_of(p: Proposals, embedding: NDArray[np.float32]) -> int | None:
+    """Which proposal is the thing of an embedding, if any."""
+    alike = p.embedding @ embedding
+    return int(alike.argmax()) if len(alike) and alike.max() > _SAME else None
 
 
 def _embedding(name: str) -> NDArray[np.float32]:

@@ -1,4 +1,4 @@
-"""Driving planned chains when segments are lost, on the random worlds of ``experiments.wavn``.
+"""Driving planned chains when segments are lost, on the random worlds of ``planning.wavn``.
 
 Rule ``drive``, as published (https://github.com/frcvlab/WAVNRobustRSC, ``wavnRobustRSC_MAIN.py``
 and ``moveRobot``; facts, no code): at the start of each segment a number from 0 to 100 is drawn,
@@ -6,7 +6,7 @@ and the first landmark of the segment is lost if it is below 100 p. What was los
 until another is. If the segment has three landmarks or more, the next one serves, and is never
 lost; else the drive has failed. A path that ends with the target ends with one landmark: no planner
 can bring such a path to its end in more than 1 - 100 p / 101 of drives. The published chains do,
-because many of them end with something else (``experiments.wavn``, slips); it was not looked where
+because many of them end with something else (``planning.wavn``, slips); it was not looked where
 a drive ended.
 
 One drive is all there is there; here a second one is planned from where the first ended, for every
@@ -19,6 +19,7 @@ each robot the target, once for the whole task; it is found out by driving.
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import repeat
 
 import numpy as np
 import pandas as pd
@@ -101,12 +102,6 @@ def published_rule(p: float, coins: Iterator[int]) -> Passable:
         return False
 
     return passable
-
-
-def coins(draws: np.random.Generator) -> Iterator[int]:
-    """Numbers from 0 to 100, without end."""
-    while True:
-        yield int(draws.integers(101))
 
 
 def standing_rule(world: World, p: float, draws: np.random.Generator) -> Passable:
@@ -214,7 +209,9 @@ def _world_drives(
         free = _free_chain(world, task, standing) if standing else float("nan")
         for method, plan in zip(METHODS, plans, strict=True):
             # what is lost is the same for every method; a method's own draws are its own
-            passable = standing or published_rule(p, coins(generator(seed, *name)))
+            passable = standing or published_rule(
+                p, map(generator(seed, *name).integers, repeat(101))
+            )
             driver = Driver(world, task, generator(seed, *name, method), task.start)
             drives = drives_until_arrival(driver, plan, passable, MAX_DRIVES)
             yield {
@@ -244,25 +241,24 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     The interval is a bootstrap over worlds. of_free: share of those tasks that have a free chain
     (rule ``standing``).
     """
-    rows = []
-    for (rule, p, method), group in drives.groupby(["rule", "p", "method"], sort=False):
+    rows: list[dict[str, object]] = []
+    for key, group in drives.groupby(["rule", "p", "method"], sort=False):
         n_worlds = group.world.nunique()
         again = resampled(n_worlds, seed, "planning")
         for most in (1, 2, 3, MAX_DRIVES):
             arrived = group.drives <= most
             by_world = arrived.groupby(group.world).mean().to_numpy()
             low, high = interval(by_world[again].mean(axis=1), n_worlds)
+            of_free = float(arrived[group.free == 1].mean())
             rows.append(
-                {
-                    "rule": rule,
-                    "p": p,
-                    "method": method,
-                    "drives": most,
-                    "arrives": float(arrived.mean()),
-                    "low": low,
-                    "high": high,
-                    "of_free": float(arrived[group.free == 1].mean()),
-                    "n": len(group),
-                }
+                dict(zip(("rule", "p", "method"), key, strict=True))
+                | {"drives": most, "arrives": float(arrived.mean()), "low": low, "high": high}
+                | {"of_free": of_free, "n": len(group)}
             )
     return pd.DataFrame(rows)
+
+
+def as_text(shares: pd.DataFrame) -> str:
+    """The table of ``shares`` to read: a column each number of drives."""
+    wide = shares.pivot_table("arrives", ["rule", "p", "method"], "drives", sort=False)
+    return f"share that arrives, by drives\n{wide.round(3).to_string()}"

@@ -8,13 +8,14 @@ spares needs; ``options`` the mean number of landmarks on a path's segments.
 
 What is driven here:
 
-- ``as published``: the paths as they were planned there, slips and all (``experiments.wavn``). A
+- ``as published``: the paths as they were planned there, slips and all (``planning.wavn``). A
   drive counts that came to the end of its path; ``at_target``: and that end was the target.
 - ``to the target``: paths of the same planners and of ours without slips, each with all spares.
 - ``to who sees it``: the same paths and losses without their last segment, from the last robot to
   the target; the published chains that lost their target are such.
 """
 
+import pathlib
 from collections import defaultdict
 from collections.abc import Sequence
 from typing import Any
@@ -24,7 +25,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import by_suburb, interval, ratio, resampled, share
+from vrchain.experiments.intervals import Bootstrap, interval, ratio, resampled, share
 from vrchain.experiments.planning.lost_segments import (
     Driver,
     best_chance_plan,
@@ -51,72 +52,11 @@ _ROUNDED = 0.005  # published shares are
 _COINS = 200  # more than any path has segments
 _COUNTED = ["arrives", "at_target", "unblocked", "options"]
 
-# Percent of drives that came to their end; a row each of PERCENTS, a column a size of TEAMS.
-_ARRIVED = {
-    BREADTH_FIRST: """
-        100 100 100 100 100 100 100 100 100
-        91 83 85 93 92 89 91 96 95
-        78 79 77 78 84 86 77 79 87
-        62 70 63 68 64 71 79 67 74
-        58 59 58 65 59 67 67 60 61
-        55 52 53 49 53 49 55 53 45
-        41 53 53 39 42 45 49 47 47
-        32 30 40 37 40 44 40 32 46
-        28 33 31 34 32 39 32 33 31
-        21 27 28 32 23 26 31 29 31
-        19 21 20 19 21 21 23 26 20
-        12 14 16 19 13 22 19 21 25
-        9 21 12 10 17 16 16 17 17
-        12 9 11 13 13 7 15 14 14
-        7 7 10 8 11 11 3 12 8
-        6 5 3 3 5 6 8 5 11
-        4 3 3 5 4 5 4 3 5
-        3 3 3 3 0 1 1 2 3
-        1 1 1 1 1 1 1 1 1
-        0 0 0 1 0 0 1 1 0
-    """,
-    CHAIN: """
-        100 100 100 100 100 100 100 100 100
-        92 95 93 95 98 98 97 93 95
-        77 85 88 89 94 93 92 90 91
-        80 66 87 71 75 85 91 86 91
-        62 57 68 83 82 81 85 84 79
-        52 67 62 76 81 81 77 85 84
-        66 64 71 72 71 75 78 71 79
-        34 62 43 63 69 71 75 76 80
-        21 49 66 61 53 71 63 65 73
-        25 32 47 65 62 64 64 67 69
-        17 35 55 54 64 67 68 69 63
-        25 43 49 59 42 53 57 65 57
-        19 32 47 57 65 62 57 55 52
-        34 23 50 41 50 52 49 57 54
-        17 11 36 35 49 46 51 51 54
-        15 17 29 43 49 46 49 53 53
-        6 17 29 29 31 39 49 51 45
-        19 29 33 43 46 42 49 43 47
-        7 24 22 32 29 45 37 39 47
-        10 13 33 31 33 40 42 42 48
-    """,
-}
-PUBLISHED = {
-    method: pd.DataFrame(
-        np.array(text.split(), dtype=float).reshape(len(PERCENTS), len(TEAMS)) / 100,
-        index=PERCENTS / 100,
-        columns=TEAMS,
-    )
-    for method, text in _ARRIVED.items()
-}
-# Share of drives on which no landmark was lost, mean over TEAMS; one each of PERCENTS.
-PUBLISHED_UNBLOCKED = {
-    BREADTH_FIRST: (
-        1.000, 0.857, 0.716, 0.571, 0.490, 0.376, 0.318, 0.233, 0.184, 0.140,
-        0.098, 0.076, 0.053, 0.042, 0.023, 0.012, 0.009, 0.006, 0.001, 0.002,
-    ),
-    CHAIN: (
-        1.000, 0.828, 0.678, 0.544, 0.440, 0.340, 0.288, 0.228, 0.161, 0.131,
-        0.111, 0.069, 0.048, 0.052, 0.024, 0.019, 0.009, 0.004, 0.002, 0.002,
-    ),
-}  # fmt: skip
+# A row each method and p: the share of drives that came to their end, by size of team; and
+# ``unblocked``, the share on which no landmark was lost, mean over sizes.
+_TABLE = pd.read_csv(pathlib.Path(__file__).with_suffix(".csv"), index_col=["method", "p"])
+_ARRIVED = _TABLE.drop(columns="unblocked").rename(columns=int)
+PUBLISHED = {method: _ARRIVED.loc[method] for method in (BREADTH_FIRST, CHAIN)}
 # Mean number of landmarks on a segment over all p; one each of TEAMS.
 PUBLISHED_OPTIONS = {
     BREADTH_FIRST: (2.70, 4.06, 5.29, 6.59, 7.72, 8.97, 10.07, 11.10, 12.38),
@@ -241,22 +181,23 @@ def gains(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
         | {"gain_ci": list(interval(over.sum(axis=1) / under.sum(axis=1) - 1, top.size))}
         for how, (over, under) in drawn.items()
     ]
-    worlds = np.sort(drives.world.unique())
-    again = resampled(len(worlds), seed, "one drive")
+    told = Bootstrap(drives.world, "one drive", seed)
     for rule in (AS_PUBLISHED, TO_TARGET):
         group = drives[drives.rule == rule]
         over, under = (
-            by_suburb(group.arrives[group.method == method], group.world, worlds)
+            told.sums(group.arrives[group.method == method], group.world)
             for method in (CHAIN, BREADTH_FIRST)
         )
         rows.append(
-            {"drives": rule, "by": "worlds drawn anew"} | ratio("gain", over - under, under, again)
+            {"drives": rule, "by": "worlds drawn anew"}
+            | ratio("gain", over - under, under, told.again)
         )
     return pd.DataFrame(rows)
 
 
-def as_text(shares: pd.DataFrame) -> str:
-    """The rows of ``by_team`` at some p, a table a rule; 95 % intervals in brackets."""
+def as_text(shares: pd.DataFrame, gains: pd.DataFrame) -> str:
+    """``by_team`` at some p, a table a rule, and ``gains``; 95 % intervals in brackets."""
+    inside = shares.inside.dropna()
     shares = shares[(shares.p * 100).round().isin(SHOWN)]
     ends = zip(shares.arrives, shares.low, shares.high, strict=True)
     shares = shares.assign(
@@ -265,7 +206,7 @@ def as_text(shares: pd.DataFrame) -> str:
         at_target=shares.at_target.map("{:.2f}".format),
         robots=shares.robots.replace(0, "all"),
     )
-    unblocked = pd.DataFrame(PUBLISHED_UNBLOCKED, index=PERCENTS / 100)
+    unblocked = _TABLE.unblocked.unstack("method").rename_axis(columns=None)
     options = pd.DataFrame(PUBLISHED_OPTIONS, index=TEAMS)
     parts = []
     for rule in RULES:
@@ -282,4 +223,9 @@ def as_text(shares: pd.DataFrame) -> str:
         wide = theirs[chosen].pivot(index=of, columns="method", values=column)
         wide = wide.join(published.add_suffix(", published"), how="inner")
         parts.append(f"{title}, {AS_PUBLISHED}\n{wide.round(2).to_string()}")
+    parts.append(
+        f"{int(inside.sum())} of {len(inside)} published shares are in the interval of as many\n"
+        "worlds here. By how much more drives of shortened chains arrive than breadth-first ones:\n"
+        + gains.round(3).to_string(index=False)
+    )
     return "\n\n".join(parts)

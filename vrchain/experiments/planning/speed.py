@@ -1,17 +1,17 @@
 """How long planning takes, and how long the chains are, beside two known planners.
 
-All of them answer the same questions in turn, on the random worlds of ``experiments.wavn``; the
+All of them answer the same questions in turn, on the random worlds of ``planning.wavn``; the
 larger world has the same number of robots a square metre, so that its chains are long.
 """
 
-from collections import defaultdict
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from time import perf_counter_ns
 
 import numpy as np
 import pandas as pd
 
 from vrchain.errors import MissionError
+from vrchain.experiments import stopwatch
 from vrchain.experiments.planning.wavn import (
     SIDE_M,
     Path,
@@ -26,9 +26,7 @@ from vrchain.experiments.planning.wavn import (
 from vrchain.navigation.planning.planner import Chain, Planner
 from vrchain.seeding import generator
 
-COLUMNS = [
-    "name", "positions", "landmarks", "median_us", "reference_us", "ratio", "bar",
-]  # fmt: skip
+COLUMNS = [*stopwatch.COLUMNS[:2], "landmarks", *stopwatch.COLUMNS[2:]]
 
 # robots, landmarks, side of the world, worlds, and what the median should not exceed
 SIZES = (
@@ -41,46 +39,34 @@ _ROUTES = 3
 Question = Callable[[Task], "Path | Chain | None"]
 
 
-def bench_planner(
-    n_tasks: int, *, seed: int, sizes: Sequence[tuple[int, int, float, int, float]] | None = None
-) -> pd.DataFrame:
+def bench_planner(n_tasks: int, *, seed: int) -> pd.DataFrame:
     """One row a planner and size of world, with ``COLUMNS``; times in microseconds.
 
     positions: tasks in all worlds of a size, n_tasks or a few more; landmarks: mean length of its
     chains, the goal among them; reference_us: breadth-first search on the same tasks; ratio: of
-    the medians; bar: what the median should not exceed. sizes: ``SIZES``, or like them.
-    MissionError without tasks.
+    the medians; bar: what the median should not exceed. MissionError without tasks.
     """
     if n_tasks < 1:
         raise MissionError(f"expected 1 task or more to plan for, got {n_tasks}")
     rows = []
-    for n_robots, n_landmarks, side_m, n_worlds, bar_us in sizes or SIZES:
-        times_us: dict[str, list[float]] = defaultdict(list)
-        lengths: dict[str, list[int]] = defaultdict(list)
+    for n_robots, n_landmarks, side_m, n_worlds, bar_us in SIZES:
+        asked: list[tuple[str, float, int | None]] = []
         prepare_us = []
         for index in range(n_worlds):
             world = random_world(seed, index, n_robots, n_landmarks, side_m)
             tasks = random_tasks(world, -(-n_tasks // n_worlds), seed, index)
             questions, once_us = _questions(world, seed)
             prepare_us.append(once_us)
-            _ask(questions, tasks, times_us, lengths)
+            asked += _ask(questions, tasks)
         size = f"{n_robots} robots, {n_landmarks} landmarks"
-        reference_us = float(np.median(times_us["breadth-first"]))
-        for name, times in times_us.items():
-            median_us, known = float(np.median(times)), name == "breadth-first"
-            rows.append(
-                {
-                    "name": f"{name}, {size}",
-                    "positions": len(times),
-                    "landmarks": float(np.mean(lengths[name])),
-                    "median_us": median_us,
-                    "reference_us": np.nan if known else reference_us,
-                    "ratio": np.nan if known else median_us / reference_us,
-                    "bar": bar_us if name.startswith("best chance") else np.nan,
-                }
-            )
-        median_us = float(np.median(prepare_us))
-        rows.append({"name": f"prepared, {size}", "positions": n_worlds, "median_us": median_us})
+        answers = pd.DataFrame(asked, columns=["name", "us", "landmarks"])
+        reference_us = float(answers.us[answers.name == "breadth-first"].median())
+        for name, own in answers.groupby("name", sort=False):
+            reference = np.nan if name == "breadth-first" else reference_us
+            bar = bar_us if str(name).startswith("best chance") else np.nan
+            row = stopwatch.timed(f"{name}, {size}", own.us.to_numpy(), reference, bar)
+            rows.append({**row, "landmarks": float(own.landmarks.mean())})
+        rows.append(stopwatch.timed(f"prepared, {size}", prepare_us))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -127,18 +113,14 @@ def _questions(world: World, seed: int) -> tuple[dict[str, Question], float]:
 
 
 def _ask(
-    questions: Mapping[str, Question],
-    tasks: Sequence[Task],
-    times_us: dict[str, list[float]],
-    lengths: dict[str, list[int]],
-) -> None:
-    """Note microseconds and number of landmarks of each answer; every task is asked all in turn."""
+    questions: Mapping[str, Question], tasks: Sequence[Task]
+) -> Iterator[tuple[str, float, int | None]]:
+    """Name, microseconds and number of landmarks of each answer: every task is asked all."""
     for question in questions.values():  # each once before it counts
         question(tasks[0])
     for task in tasks:
         for name, question in questions.items():
             start_ns = perf_counter_ns()
             answer = question(task)
-            times_us[name].append((perf_counter_ns() - start_ns) / 1e3)
-            if answer is not None:
-                lengths[name].append(len(answer.robots))
+            taken_us = (perf_counter_ns() - start_ns) / 1e3
+            yield name, taken_us, None if answer is None else len(answer.robots)

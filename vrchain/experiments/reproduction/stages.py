@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.landmarks import bands as landmark_bands
+from vrchain.experiments.landmarks import over_distance as landmark_bands
 from vrchain.experiments.landmarks import pairs as landmarks
+from vrchain.experiments.landmarks.precision import summarise_survey
 from vrchain.experiments.ledger import latency
 from vrchain.experiments.reproduction.results import (
     MARKER,
@@ -108,7 +109,7 @@ def run_landmarks(results: Results, folder: Path) -> str:
         looks = _looks(_team_pairs(surveyed[:n], profile.survey_pairs), surveyed, payloads)
         claims = landmarks.claims_of(looks, truth, profile.rig)
         _write(folder, **{f"survey_{n}": claims})
-        summaries.append({"positions": n, **landmarks.summarise(claims)})
+        summaries.append({"positions": n, **summarise_survey(claims)})
     _write(folder, survey_summary=pd.DataFrame(summaries))
     with tempfile.TemporaryDirectory(dir=folder) as scratch:
         claims, pairs = landmark_bands.over_distance(

@@ -18,8 +18,8 @@ Places are uniform in free space, two in each suburb; what is found at one is sa
 that a run broken off goes on with the next.
 """
 
-import io
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import json
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from pathlib import Path
@@ -30,12 +30,11 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import ratio, resampled, shown, sums
+from vrchain.experiments.intervals import Bootstrap, table_of
+from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.scenes import Scenes
-from vrchain.experiments.workers import each
-from vrchain.files import code_digest, name_of, write_file
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.homing import METHODS, HomeVector, Method, Views, snapshot
+from vrchain.homing import METHODS, HomeVector, Views, snapshot
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 from vrchain.world.model import Scene
@@ -52,6 +51,7 @@ STEP_M = 0.1
 RETURNED_M = 0.3
 MOST_WAY = 3.0  # distances from the start
 CATCHMENT_SHARE = 0.95
+_MEASURED = ("course_rad", "error_deg", "std_rad", "remoteness")
 
 
 @dataclass(frozen=True)
@@ -69,27 +69,15 @@ class Grid:
         return np.concatenate([near, _disc(self.spacing_m, self.spacing_m, self.reach_m)])
 
 
+GRID = Grid()
+
+
 def _disc(spacing_m: float, low_m: float, high_m: float) -> Array:
     """Points of a square grid, (n, 2), from low_m to high_m from its middle."""
     line = np.arange(-int(high_m / spacing_m + 1e-6), int(high_m / spacing_m + 1e-6) + 1)
     points = spacing_m * np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
     range_m = np.hypot(*points.T)
     return np.asarray(points[(range_m >= low_m - 1e-6) & (range_m <= high_m + 1e-6)])
-
-
-@dataclass(frozen=True, eq=False)
-class Sight:
-    """What a homing step is given at one point, and the truth about it.
-
-    offset_m: (2,) from home. pose: of the robot. heading_rad: home's heading against the robot's.
-    clear: the straight way home is free.
-    """
-
-    offset_m: Array
-    pose: Pose
-    heading_rad: float
-    clear: bool
-    views: Views
 
 
 def draw_place(scene: Scene, draws: np.random.Generator) -> Pose:
@@ -102,74 +90,56 @@ def draw_place(scene: Scene, draws: np.random.Generator) -> Pose:
     raise MissionError(f"found no free place in {scene.name} to home to: choose another scene")
 
 
-def sights(
-    renderer: Renderer, home: Pose, draws: np.random.Generator, grid: Grid, rig: CameraRig
-) -> Iterator[Sight]:
-    """What is seen from each free point around ``home``; ``draws`` gives the headings."""
-    scene = renderer.scene
-    then = snapshot(renderer.render(home, rig))
-    points = grid.points_m()
-    yaws = draws.uniform(-np.pi, np.pi, len(points))
-    free = scene.is_free(home.xy_m + points)
-    for offset_m, yaw_rad in zip(points[free], yaws[free], strict=True):
-        pose = Pose(*map(float, (*(home.xy_m + offset_m), yaw_rad)))
-        steps = max(2, int(np.hypot(*offset_m) / STEP_M) + 2)
-        way = home.xy_m + np.linspace(0, 1, steps)[:, None] * offset_m
-        yield Sight(
-            offset_m,
-            pose,
-            float(wrap_angle_rad(home.yaw_rad - pose.yaw_rad)),
-            bool(scene.is_free(way).all()),
-            Views(snapshot(renderer.render(pose, rig)), then),
-        )
-
-
 def answers(
     renderer: Renderer,
     home: Pose,
     draws: np.random.Generator,
     rows: Sequence[str] = ROWS,
     *,
-    grid: Grid | None = None,
-    rig: CameraRig | None = None,
-    methods: Mapping[str, Method] = METHODS,
+    grid: Grid = GRID,
+    rig: CameraRig = RIG,
 ) -> pd.DataFrame:
-    """Home vectors from all around one place: ``evaluate``'s table but for suburb and place."""
-    grid = grid or Grid()
-    found = []
-    for sight in sights(renderer, home, draws, grid, rig or RIG):
+    """Home vectors from all around one place: ``evaluate``'s table but for suburb and place.
+
+    draws: gives the headings.
+    """
+    scene, points = renderer.scene, grid.points_m()
+    then = snapshot(renderer.render(home, rig))
+    yaws = draws.uniform(-np.pi, np.pi, len(points))
+    free = scene.is_free(home.xy_m + points)
+    found: list[dict[str, object]] = []
+    for offset_m, yaw_rad in zip(points[free], yaws[free], strict=True):
+        pose = Pose(*map(float, (*(home.xy_m + offset_m), yaw_rad)))
+        steps = max(2, int(np.hypot(*offset_m) / STEP_M) + 2)
+        way = home.xy_m + np.linspace(0, 1, steps)[:, None] * offset_m
+        views = Views(snapshot(renderer.render(pose, rig)), then)
+        heading_rad = float(wrap_angle_rad(home.yaw_rad - pose.yaw_rad))
+        start = {
+            "x_m": round(float(offset_m[0]), 3),
+            "y_m": round(float(offset_m[1]), 3),
+            "clear": bool(scene.is_free(way).all()),
+        }
         for row in rows:
-            compass = sight.heading_rad if row.endswith(COMPASS) else None
-            vector = methods[row.removesuffix(COMPASS)](sight.views, compass)
-            found.append(answer_row(sight, row, vector))
+            method, compass = METHODS[row.removesuffix(COMPASS)], row.endswith(COMPASS)
+            vector = method(views, heading_rad if compass else None)
+            found.append({**start, "method": row, **_answer(vector, pose.yaw_rad, offset_m)})
     table = pd.DataFrame(found)
     for row in rows:
         own = table.method == row
-        table.loc[own, "home"] = returned(table[own], free_around(renderer.scene, home), grid)
+        home_from = returned(table[own], lambda at: scene.is_free(home.xy_m + at), grid)
+        table.loc[own, "home"] = home_from
     return table.astype({"home": bool})
 
 
-def free_around(scene: Scene, home: Pose) -> Free:
-    """Whether a robot can stand at offsets from ``home``, (n, 2) -> (n,) bool."""
-    return lambda offsets_m: scene.is_free(home.xy_m + offsets_m)
-
-
-def answer_row(sight: Sight, row: str, vector: HomeVector | None) -> dict[str, object]:
-    """A row of ``answers``."""
-    range_m = float(np.hypot(*sight.offset_m))
-    found: dict[str, object] = {
-        "x_m": round(float(sight.offset_m[0]), 3),
-        "y_m": round(float(sight.offset_m[1]), 3),
-        "clear": sight.clear,
-        "method": row,
-        "answered": vector is not None,
-    }
+def _answer(vector: HomeVector | None, yaw_rad: float, offset_m: Array) -> dict[str, object]:
+    """What a home vector says, given at a heading and some metres from home."""
     if vector is None:
-        return found | {"course_rad": np.nan, "error_deg": 90.0, "std_rad": np.nan,
-                        "arrived": False, "remoteness": np.nan, "n_matches": 0}  # fmt: skip
-    course = float(wrap_angle_rad(sight.pose.yaw_rad + vector.bearing_rad))
-    error = course - np.arctan2(-sight.offset_m[1], -sight.offset_m[0]) if range_m > 0 else 0.0
-    return found | {
+        return {"answered": False, "course_rad": np.nan, "error_deg": 90.0, "std_rad": np.nan,
+                "arrived": False, "remoteness": np.nan, "n_matches": 0}  # fmt: skip
+    course = float(wrap_angle_rad(yaw_rad + vector.bearing_rad))
+    error = course - np.arctan2(-offset_m[1], -offset_m[0]) if offset_m.any() else 0.0
+    return {
+        "answered": True,
         "course_rad": course,
         "error_deg": float(np.degrees(abs(wrap_angle_rad(error)))),
         "std_rad": vector.std_rad,
@@ -186,9 +156,8 @@ def evaluate(
     *,
     seed: int,
     folder: Path,
-    grid: Grid | None = None,
-    rig: CameraRig | None = None,
-    methods: Mapping[str, Method] = METHODS,
+    grid: Grid = GRID,
+    rig: CameraRig = RIG,
     jobs: int | None = 1,
 ) -> pd.DataFrame:
     """Home vectors around ``n_places`` random places, one row a point and method.
@@ -198,27 +167,23 @@ def evaluate(
     std_rad, arrived, remoteness, n_matches, home (whether it leads there from the point). What was
     found already under ``folder`` is read. jobs: see ``workers.each``.
     """
-    grid, rig = grid or Grid(), rig or RIG
     rows = list(dict.fromkeys(rows))
     if n_places < 1:
         raise MissionError(f"expected 1 place or more to home to, got {n_places}")
-    unknown = [row for row in rows if row.removesuffix(COMPASS) not in methods]
+    unknown = [row for row in rows if row.removesuffix(COMPASS) not in METHODS]
     if unknown:
         raise MissionError(
-            f"no homing method {', '.join(unknown)}: there are {', '.join(methods)}, "
+            f"no homing method {', '.join(unknown)}: there are {', '.join(METHODS)}, "
             f"each also with {COMPASS!r} behind"
         )
-    made_by = {row: repr(methods[row.removesuffix(COMPASS)]) for row in rows}
-    asked = [code_digest(), scenes.digest, made_by, seed, asdict(grid), asdict(rig)]
-    own = folder / name_of(asked)
-    work = partial(_home_to, scenes, rows, seed, own, grid, rig, methods)
-    left = [place for place in range(n_places) if not _file_of(own, place).exists()]
-    each(work, left, jobs, "places")
+    made_by = {row: repr(METHODS[row.removesuffix(COMPASS)]) for row in rows}
+    own = folder_of(folder, scenes, made_by, seed, asdict(grid), asdict(rig))
+    files = [own / f"place_{place:04d}.json" for place in range(n_places)]
+    tables = kept_each(partial(_home_to, scenes, rows, seed, grid, rig), files, jobs, "places")
     _drawn_suburb.cache_clear()
     found: list[pd.DataFrame] = []
-    for place in range(n_places):
-        content = _file_of(own, place).read_bytes()
-        table = pd.read_json(io.BytesIO(content), precise_float=True)
+    for place, made in enumerate(tables):
+        table = pd.DataFrame(made).astype(dict.fromkeys(_MEASURED, float))
         table.insert(0, "suburb", place // PLACES_A_SUBURB if scenes.varied else place)
         table.insert(1, "place", place)
         found.append(table)
@@ -226,26 +191,16 @@ def evaluate(
 
 
 def _home_to(
-    scenes: Scenes,
-    rows: Sequence[str],
-    seed: int,
-    own: Path,
-    grid: Grid,
-    rig: CameraRig,
-    methods: Mapping[str, Method],
-    place: int,
-) -> None:
-    """Home vectors around one place."""
+    scenes: Scenes, rows: Sequence[str], seed: int, grid: Grid, rig: CameraRig, place: int
+) -> list[dict[str, object]]:
+    """Home vectors around one place, a row each."""
     k, number = divmod(place, PLACES_A_SUBURB)
     renderer = _drawn_suburb(scenes, seed, k)
     home = draw_place(renderer.scene, generator(seed, "home", k, number))
     draws = generator(seed, "homing", k, number)
-    made = answers(renderer, home, draws, rows, grid=grid, rig=rig, methods=methods)
-    write_file(_file_of(own, place), made.to_json(double_precision=15).encode())
-
-
-def _file_of(own: Path, place: int) -> Path:
-    return own / f"place_{place:04d}.json"
+    made = answers(renderer, home, draws, rows, grid=grid, rig=rig)
+    found: list[dict[str, object]] = json.loads(made.to_json(orient="records", double_precision=15))
+    return found
 
 
 @lru_cache(maxsize=1)
@@ -257,7 +212,7 @@ def _drawn_suburb(scenes: Scenes, seed: int, k: int) -> Renderer:
 def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
     """From which points of one place and method, rows of ``answers``, it comes home: (n,) bool.
 
-    The module says by what rules; ``free`` as by ``free_around``.
+    The module says by what rules. free: where a robot can stand, offsets from home, (n, 2) -> (n,).
     """
     points_m = around[["x_m", "y_m"]].to_numpy(dtype=float)
     courses = around.course_rad.to_numpy(dtype=float)
@@ -280,45 +235,37 @@ def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
     return home
 
 
-def starts(found: pd.DataFrame, grid: Grid | None = None) -> pd.DataFrame:
+def starts(found: pd.DataFrame, grid: Grid = GRID) -> pd.DataFrame:
     """Rows of ``evaluate``'s table that are starts, with range_m, how far home is."""
     range_m = np.hypot(found.x_m, found.y_m)
-    return found.assign(range_m=range_m)[range_m >= (grid or Grid()).spacing_m - 1e-6]
+    return found.assign(range_m=range_m)[range_m >= grid.spacing_m - 1e-6]
 
 
-def summarise(
-    found: pd.DataFrame, *, seed: int = 0, grid: Grid | None = None
-) -> dict[str, dict[str, object]]:
+def summarise(found: pd.DataFrame, grid: Grid = GRID) -> dict[str, dict[str, object]]:
     """The figures of each method, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
     angular_error_deg, its median, no_answer: over n_starts; return_ratio: over the n_clear of them
     whose straight way is free; catchment_m: over n_places.
     """
     made = starts(found, grid)
-    return {str(method): _summary(own, seed) for method, own in made.groupby("method", sort=False)}
+    return {str(method): _summary(own) for method, own in made.groupby("method", sort=False)}
 
 
-def _summary(made: pd.DataFrame, seed: int) -> dict[str, object]:
+def _summary(made: pd.DataFrame) -> dict[str, object]:
     clear = made[made.clear]
     caught = [(k, _catchment_m(own)) for (k, _), own in clear.groupby(["suburb", "place"])]
-    suburbs = np.sort(made.suburb.unique())
     places = pd.DataFrame(caught, columns=["suburb", "catchment_m"])
-    parts = {
-        "angular_error_deg": (made.error_deg, made.suburb),
-        "return_ratio": (clear.home, clear.suburb),
-        "catchment_m": (places.catchment_m, places.suburb),
-        "no_answer": (~made.answered, made.suburb),
-    }
-    again = resampled(len(suburbs), seed, "homing")
-    found: dict[str, object] = {
+    told = Bootstrap(made.suburb, "homing")
+    return {
         "n_places": len(made[["suburb", "place"]].drop_duplicates()),
         "n_starts": len(made),
         "n_clear": len(clear),
+        **told.mean("angular_error_deg", made.error_deg, made.suburb),
+        **told.mean("return_ratio", clear.home, clear.suburb),
+        **told.mean("catchment_m", places.catchment_m, places.suburb),
+        **told.mean("no_answer", ~made.answered, made.suburb),
+        "angular_error_deg_median": float(made.error_deg.median()),
     }
-    for name, (values, of) in parts.items():
-        found |= ratio(name, *sums(values, of, suburbs), again)
-    found["angular_error_deg_median"] = float(made.error_deg.median())
-    return found
 
 
 def _catchment_m(around: pd.DataFrame) -> float:
@@ -331,10 +278,8 @@ def _catchment_m(around: pd.DataFrame) -> float:
 
 def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     """The figures to read: one row a method, intervals in brackets."""
-    names = ("angular_error_deg", "return_ratio", "catchment_m", "no_answer")
-    counts = ("n_places", "n_starts", "n_clear")
-    rows = {
-        method: {**{n: figures[n] for n in counts}, **{n: shown(figures, n) for n in names}}
-        for method, figures in summary.items()
-    }
-    return pd.DataFrame(rows).T.rename_axis("method")
+    names = (
+        "n_places", "n_starts", "n_clear", "angular_error_deg", "return_ratio", "catchment_m",
+        "no_answer",
+    )  # fmt: skip
+    return table_of(summary, names, "method")

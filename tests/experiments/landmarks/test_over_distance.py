@@ -4,44 +4,28 @@ import numpy as np
 import pandas as pd
 import pytest
 import worlds
+from claims import claim, pair
 
-from vrchain.errors import MissionError
-from vrchain.experiments.landmarks import bands as landmark_bands
-from vrchain.experiments.landmarks.bands import by_band, over_distance, precision_recall
+from vrchain.experiments.landmarks import over_distance as landmark_bands
+from vrchain.experiments.landmarks.over_distance import by_band, over_distance, precision_recall
 from vrchain.experiments.scenes import Scenes
 from vrchain.world import Scene
 
-
-def claim(band_m: str, suburb: int, score: float, right: bool = True, **others: object) -> dict:
-    return {
-        "band_m": band_m, "suburb": suburb, "pair": 0, "variant": "sift", "score": score,
-        "right": right, "shared": right, "twin": False, "duplicate": False, "quality_m": 1.0,
-        "support": 7, "object_a": "a", "object_b": "b", **others,
-    }  # fmt: skip
-
-
-def pair(band_m: str, suburb: int, variant: str, co_visible: int = 4) -> dict:
-    return {
-        "band_m": band_m, "suburb": suburb, "pair": 0, "variant": variant, "claimed": 0.5,
-        "spacing_m": 5.0, "co_visible": co_visible, "ms": 10.0, "direction_error_deg": 1.0,
-        "heading_error_deg": 1.0,
-    }  # fmt: skip
-
-
+BANDS = ("1-10", "10-20")
 PAIRS = pd.DataFrame(
-    [pair(b, s, v) for b in ("1-10", "10-20") for s in (0, 1) for v in ("sift", "cnn")]
+    [pair(s, 0, band_m=b, variant=v) for b in BANDS for s in (0, 1) for v in ("sift", "cnn")]
 )
 CLAIMS = pd.DataFrame(
     [
-        claim("1-10", 0, 0.9, quality_m=0.1),
-        claim("1-10", 0, 0.9, duplicate=True),
-        claim("1-10", 0, 0.8, False, quality_m=9.0),
-        claim("1-10", 1, 0.8, quality_m=0.3),
-        claim("1-10", 1, 0.6, shared=False, quality_m=np.nan),  # right, seen from its two sides
-        claim("1-10", 1, 0.3),  # below the threshold
-        claim("10-20", 0, 0.3, False),
+        claim(0, 0, 0.9, quality_m=0.1),
+        claim(0, 0, 0.9, duplicate=True),
+        claim(0, 0, 0.8, False),
+        claim(1, 0, 0.8, quality_m=0.3),
+        claim(1, 0, 0.6, shared=False, quality_m=np.nan),  # right, seen from its two sides
+        claim(1, 0, 0.3),  # below the threshold
+        claim(0, 0, 0.3, False, band_m="10-20"),
     ]
-)
+).fillna({"band_m": "1-10"})
 
 
 def test_a_row_for_each_band_and_variant() -> None:
@@ -122,12 +106,3 @@ def test_bands_are_found_in_the_same_scenes(
     assert list(pairs.spacing_m) == [2.0] * 4 + [4.0] * 4
     assert list(pairs.variant[:2]) == ["sift", "sift, regions given"]
     assert list(zip(claims.band_m, claims.score, strict=True)) == [("2-4", 4.0), ("4-6.5", 6.5)]
-
-
-def test_bands_that_cannot_be_are_said_plainly(tmp_path: Path) -> None:
-    scenes = Scenes(lambda seed, k: worlds.yard(), "yard")
-    with pytest.raises(MissionError, match="MIN <= MAX"):
-        over_distance(
-            scenes, 1, [(3.0, 2.0)], seed=3000, folder=tmp_path, rig=worlds.SMALL_RIG,
-            variants=["sift"],
-        )  # fmt: skip

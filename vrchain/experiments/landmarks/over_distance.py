@@ -1,6 +1,6 @@
 """Common landmarks over the distance between two robots, by variant."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import cache, partial
 from pathlib import Path
@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.landmarks.evaluation import evaluate, row
-from vrchain.experiments.landmarks.scores import from_score, summarise
+from vrchain.experiments.landmarks.precision import evaluate, from_score, row, summarise
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.landmarks.matching.variants import DEFAULT
@@ -18,7 +17,6 @@ from vrchain.world.model import Scene
 
 VARIANTS = ("sift", "cnn", DEFAULT)
 _QUARTILES = {"quality_m_q25": 0.25, "quality_m_q75": 0.75}
-_GROUP = ["band_m", "variant"]
 
 
 def over_distance(
@@ -32,14 +30,15 @@ def over_distance(
     variants: Sequence[str] = VARIANTS,
     jobs: int | None = 1,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Claims and pairs of ``landmark_evaluation.evaluate``, with a column band_m ("1-10").
+    """Claims and pairs of ``precision.evaluate``, with a column band_m ("1-10").
 
     n_pairs: in each band of spacings ``bands_m`` (metres), in the same suburbs in all of them.
     jobs: see ``workers.each``.
     """
     _scene.cache_clear()
     once = replace(scenes, scene=partial(_scene, scenes))
-    work = partial(_band, once, n_pairs, bands_m, variants, seed, folder, rig)
+    measure = partial(evaluate, once, n_pairs, seed=seed, folder=folder, rig=rig)
+    work = partial(_band, measure, bands_m, variants)
     claims, pairs = zip(*each(work, range(len(bands_m)), jobs, "bands"), strict=True)
     return pd.concat(claims, ignore_index=True), pd.concat(pairs, ignore_index=True)
 
@@ -50,19 +49,14 @@ def _scene(scenes: Scenes, seed: int, k: int) -> Scene:
 
 
 def _band(
-    scenes: Scenes,
-    n_pairs: int,
+    measure: Callable[..., tuple[pd.DataFrame, pd.DataFrame]],
     bands_m: Sequence[tuple[float, float]],
     variants: Sequence[str],
-    seed: int,
-    folder: Path,
-    rig: CameraRig,
     number: int,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """The tables of one band."""
     low_m, high_m = bands_m[number]
-    rows, spacing_m = [row(name) for name in variants], (low_m, high_m)
-    claims, pairs = evaluate(scenes, n_pairs, spacing_m, rows, seed=seed, folder=folder, rig=rig)
+    claims, pairs = measure((low_m, high_m), [row(name) for name in variants])
     band_m = f"{low_m:g}-{high_m:g}"
     return claims.assign(band_m=band_m), pairs.assign(band_m=band_m)
 
@@ -72,18 +66,16 @@ def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
 
     One row a band and variant: band_m, variant, suburbs, landmarks_a_pair (co-visible ones),
     right_a_pair and wrong_a_pair (claims, no duplicates), the figures of
-    ``landmark_scores.summarise``, 95 % intervals as NAME_low and NAME_high (NaN where there is
+    ``precision.summarise``, 95 % intervals as NAME_low and NAME_high (NaN where there is
     none), and the quartiles quality_m_q25 and quality_m_q75.
     """
     rows: list[dict[str, object]] = []
-    for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
-        own = _of(claims, band_m, variant)
+    for key, own, drawn in _grouped(claims, pairs):
         (figures,) = summarise(own, drawn).values()
         made = own[(own.score >= drawn.claimed.iloc[0]) & ~own.duplicate]
         rows.append(
             {
-                "band_m": band_m,
-                "variant": variant,
+                **key,
                 "suburbs": drawn.suburb.nunique(),
                 "landmarks_a_pair": drawn.co_visible.mean(),
                 "right_a_pair": made.right.sum() / len(drawn),
@@ -103,12 +95,11 @@ def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     A second claim on the same two objects counts for nothing.
     """
     tables = []
-    for (band_m, variant), drawn in pairs.groupby(_GROUP, sort=False):
-        sums = from_score(_of(claims, band_m, variant))
+    for key, own, drawn in _grouped(claims, pairs):
+        sums = from_score(own)
         table = pd.DataFrame(
             {
-                "band_m": band_m,
-                "variant": variant,
+                **key,
                 "threshold": sums.index,
                 "precision": (sums.right / sums.n).to_numpy(),
                 "recall": sums.shared.to_numpy() / max(1, drawn.co_visible.sum()),
@@ -119,9 +110,14 @@ def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def _of(claims: pd.DataFrame, band_m: object, variant: object) -> pd.DataFrame:
-    own = claims[(claims.band_m == band_m) & (claims.variant == variant)]
-    return own.astype({"right": bool, "shared": bool, "duplicate": bool, "twin": bool})
+def _grouped(
+    claims: pd.DataFrame, pairs: pd.DataFrame
+) -> Iterator[tuple[dict[str, object], pd.DataFrame, pd.DataFrame]]:
+    """Each band and variant, with its claims and its pairs."""
+    claims = claims.astype({"right": bool, "shared": bool, "duplicate": bool, "twin": bool})
+    for (band_m, variant), drawn in pairs.groupby(["band_m", "variant"], sort=False):
+        own = claims[(claims.band_m == band_m) & (claims.variant == variant)]
+        yield {"band_m": band_m, "variant": variant}, own, drawn
 
 
 def _flat(figures: Mapping[str, object]) -> dict[str, object]:
@@ -131,11 +127,7 @@ def _flat(figures: Mapping[str, object]) -> dict[str, object]:
             ends = value if isinstance(value, list) else (np.nan, np.nan)
             flat |= dict(zip((f"{name[:-3]}_low", f"{name[:-3]}_high"), ends, strict=True))
         elif isinstance(value, dict):
-            flat |= {f"{name}_{key}": _or_nan(one) for key, one in value.items()}
+            flat |= {f"{name}_{key}": one for key, one in value.items()}
         else:
-            flat[name] = _or_nan(value)
-    return flat
-
-
-def _or_nan(value: object) -> object:
-    return np.nan if value is None else value
+            flat[name] = value
+    return {name: np.nan if value is None else value for name, value in flat.items()}

@@ -1,5 +1,6 @@
 """The evaluation of homing on fields of home vectors whose outcome is known."""
 
+import json
 from pathlib import Path
 
 import numpy as np
@@ -8,8 +9,10 @@ import pytest
 from sights import yard
 from worlds import SMALL_RIG, box, plain, world
 
+from vrchain.cli import app
 from vrchain.errors import MissionError
-from vrchain.experiments.homing.evaluation import (
+from vrchain.experiments import homing
+from vrchain.experiments.homing import (
     COMPASS,
     Free,
     Grid,
@@ -21,9 +24,12 @@ from vrchain.experiments.homing.evaluation import (
     summarise,
 )
 from vrchain.experiments.scenes import Scenes
+from vrchain.paths import SCENES
 from vrchain.seeding import generator
 from vrchain.world.model import Scene
 
+SUBURB = str(SCENES / "suburb.yaml")
+FIGURES = ("angular_error_deg", "return_ratio", "catchment_m", "no_answer")
 SMALL = Grid(spacing_m=2.0, reach_m=4.0, near_m=0.2, near_reach_m=0.2)
 
 
@@ -45,10 +51,6 @@ def ended(table: pd.DataFrame, free: Free = lambda at: np.full(len(at), True)) -
     return starts(table.assign(home=returned(table, free, Grid())))
 
 
-def share(table: pd.DataFrame) -> float:
-    return float(ended(table).home.mean())
-
-
 def test_the_grid_is_the_one_that_is_defined() -> None:
     points = Grid().points_m()
     range_m = np.hypot(*points.T)
@@ -60,20 +62,21 @@ def test_the_grid_is_the_one_that_is_defined() -> None:
 
 
 @pytest.mark.parametrize(
-    ("off_deg", "expected"), [(0.0, 1.0), (60.0, 1.0), (-60.0, 1.0), (85.0, 0.0)]
+    ("table", "expected"),
+    [
+        (field(), 1.0),
+        (field(60.0), 1.0),  # the way is twice the distance
+        (field(-60.0), 1.0),
+        (field(85.0), 0.0),  # eleven times
+        (field(180.0), 0.0),  # it leaves the grid
+        (field(arrived_m=-1.0), 0.0),  # none is declared
+        (field(arrived_m=1.1), 0.0),  # from half a metre on each declares too early
+        (field(arrived_m=0.05), 1.0),
+        (field().assign(arrived=True), 0.0),
+    ],
 )
-def test_who_goes_right_returns_and_who_strays_too_far_does_not(
-    off_deg: float, expected: float
-) -> None:
-    """At 60 degrees off the way is twice the distance, at 85 eleven times."""
-    assert share(field(off_deg)) == expected
-
-
-def test_arrival_has_to_be_declared_and_true() -> None:
-    assert share(field(arrived_m=-1.0)) == 0.0
-    assert share(field(arrived_m=1.1)) == 0.0  # from half a metre on each declares too early
-    assert share(field(arrived_m=0.05)) == 1.0
-    assert share(field().assign(arrived=True)) == 0.0
+def test_who_goes_right_and_declares_it_there_returns(table: pd.DataFrame, expected: float) -> None:
+    assert ended(table).home.mean() == expected
 
 
 def test_without_an_answer_on_the_way_it_keeps_its_course() -> None:
@@ -89,7 +92,6 @@ def test_without_an_answer_on_the_way_it_keeps_its_course() -> None:
 
 
 def test_who_leaves_the_grid_or_bumps_into_something_is_lost() -> None:
-    assert share(field(180.0)) == 0.0
     table = field()
     gap = table.x_m.between(0.9, 3.1)
     home = ended(table[~gap])
@@ -120,7 +122,7 @@ def test_figures_are_what_the_module_says() -> None:
     assert found["return_ratio"] == pytest.approx((631 - n_far - 1) / 631)
     assert found["no_answer"] == pytest.approx(1 / 632)
     assert found["catchment_m"] == pytest.approx((3.162 + 5.0) / 2, abs=0.1)
-    for name in ("angular_error_deg", "return_ratio", "catchment_m", "no_answer"):
+    for name in FIGURES:
         low, high = found[f"{name}_ci"]
         assert low <= found[name] <= high
     assert "made up" in as_table({"made up": found}).to_string()
@@ -156,14 +158,6 @@ def test_a_yard_is_homed_in_and_a_second_run_reads_what_the_first_found(tmp_path
     assert len(list(tmp_path.rglob("*.json"))) == 2 and len(more) == len(first) / 3
 
 
-def test_bad_requests(tmp_path: Path) -> None:
-    with pytest.raises(MissionError, match="1 place or more to home to, got 0"):
-        evaluate(yards(), 0, seed=3000, folder=tmp_path)
-    with pytest.raises(MissionError, match="no homing method snapshot: there are epipolar, scale"):
-        evaluate(yards(), 1, ["snapshot"], seed=3000, folder=tmp_path)
-    assert list(tmp_path.iterdir()) == []
-
-
 def full() -> Scene:
     """A world with no room for a robot."""
     return world(box("block", (0.0, 0.0), (9.0, 9.0, 2.0), plain((9, 9, 9))), extent_m=(8.0, 8.0))
@@ -172,3 +166,51 @@ def full() -> Scene:
 def test_a_world_without_a_free_place_is_named() -> None:
     with pytest.raises(MissionError, match="no free place in boxes"):
         draw_place(full(), generator(0, "home"))
+
+
+# --- the command ---
+
+
+def run(*arguments: object) -> None:
+    app([str(a) for a in arguments], standalone_mode=False)
+
+
+@pytest.fixture
+def asked(monkeypatch: pytest.MonkeyPatch) -> list[dict]:
+    """What the experiment is asked for; it answers with a made-up field."""
+    calls: list[dict] = []
+
+    def made_up(scenes: object, n_places: int, rows: list[str], **others: object) -> object:
+        calls.append({"n_places": n_places, "rows": list(rows), **others})
+        return field().assign(method=rows[0], home=True)
+
+    monkeypatch.setattr(homing, "evaluate", made_up)
+    return calls
+
+
+def test_json_is_one_object_of_figures_and_intervals(
+    asked: list[dict], capsys: pytest.CaptureFixture[str], tmp_path: Path
+) -> None:
+    given = ("--method", "scale, compass", "--jobs", 2)
+    run("evaluate", "homing", SUBURB, "--json", "-o", tmp_path, *given)
+    found = json.loads(capsys.readouterr().out)
+    assert list(found) == ["scale, compass"]
+    assert {*FIGURES, *(f"{name}_ci" for name in FIGURES)} <= set(found["scale, compass"])
+    assert found["scale, compass"]["return_ratio"] == 1.0
+    assert asked == [
+        {"n_places": 2, "rows": ["scale, compass"], "seed": 3000, "folder": tmp_path, "jobs": 2}
+    ]
+
+
+def test_text_has_a_row_a_method(asked: list[dict], capsys: pytest.CaptureFixture[str]) -> None:
+    run("evaluate", "homing", SUBURB, "--places", 3)
+    assert "epipolar" in capsys.readouterr().out
+    assert asked[0]["n_places"] == 3 and asked[0]["rows"] == list(homing.ROWS)
+
+
+def test_seeds_for_choosing_are_kept_apart(asked: list[dict]) -> None:
+    with pytest.raises(MissionError, match=r"seeds below 2000 .* got 1999"):
+        run("evaluate", "homing", SUBURB, "--seed", 1999)
+    assert asked == []
+    run("evaluate", "homing", SUBURB, "--seed", 1999, "--allow-training-seeds")
+    assert asked[0]["seed"] == 1999

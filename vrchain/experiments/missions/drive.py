@@ -1,0 +1,166 @@
+"""One mission, driven by one arm: what came of it."""
+
+import tempfile
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from time import perf_counter
+
+import numpy as np
+
+from vrchain.errors import MissionError
+from vrchain.experiments.missions.chains import PLACE
+from vrchain.experiments.missions.draw import Ground, Mission
+from vrchain.experiments.missions.obstruction import Barred
+from vrchain.experiments.missions.oracle import Oracle
+from vrchain.experiments.missions.wrong_edges import misled
+from vrchain.experiments.scenes import Scenes
+from vrchain.geometry import Pose
+from vrchain.ledger import Ledger, simulated_key
+from vrchain.ledger.records.encoding import digest
+from vrchain.navigation.goal.place import GoalPlace
+from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_from
+from vrchain.navigation.mission import MissionResult, drive_mission
+from vrchain.navigation.perception import learned_perception
+from vrchain.navigation.settings import MissionConfig, Published
+from vrchain.panorama import CameraRig
+from vrchain.simulation.mission import index_of, is_at, published_of
+from vrchain.simulation.patrol import Patrol
+from vrchain.simulation.simulator import Simulator
+from vrchain.simulation.task import goal_pictures
+from vrchain.simulation.team import assemble
+from vrchain.world.render import Renderer
+from vrchain.world.truth import GroundTruth
+
+REMEMBERED = 40  # panoramas of each robot that others plan by
+_AT_PLACE_M = 1.0
+
+
+@dataclass(frozen=True)
+class Conditions:
+    """What missions are driven under. MissionError for shares or seconds that cannot be.
+
+    patrol_s: for how long the others are under way before. wrong_edges: the share of the landmark
+    graph's edges that are made wrong; barred: of legs, with an obstacle nobody knows of.
+    """
+
+    patrol_s: float = 300.0
+    wrong_edges: float = 0.0
+    barred: float = 0.0
+    config: MissionConfig = field(default_factory=MissionConfig)
+
+    def __post_init__(self) -> None:
+        for what, share in (("wrong edges", self.wrong_edges), ("barred legs", self.barred)):
+            if not 0 <= share <= 1:
+                raise MissionError(f"expected a share of {what} from 0 to 1, got {share}")
+        if not 0 <= self.patrol_s < np.inf:
+            raise MissionError(f"expected seconds of patrol, 0 or more, got {self.patrol_s}")
+
+
+class Suburb:
+    """One scene with all that is made of it once, and missions in it."""
+
+    def __init__(self, scenes: Scenes, seed: int, k: int, rig: CameraRig) -> None:
+        self.scene, self.seed, self.k, self.rig = scenes.scene(seed, k), seed, k, rig
+        self.truth, self.renderer = GroundTruth(self.scene), Renderer(self.scene)
+        self.ground = Ground(self.scene, self.truth, rig)
+
+    def drive(self, mission: Mission, arm: str, conditions: Conditions) -> dict[str, object]:
+        """Drive a mission by one arm: a row of ``success.evaluate``'s table, and its log."""
+        start = perf_counter()
+        number = self.seed * 100_003 + self.k * 1009 + mission.number
+        simulator = Simulator(self.scene, mission.poses, seed=number, rig=self.rig)
+        simulator.truth, simulator.renderer = self.truth, self.renderer
+        robot, *others = mission.poses
+        members = {name: simulated_key(number, name).public for name in mission.poses}
+        operator = simulated_key(number, "operator")
+        with (
+            tempfile.TemporaryDirectory() as folder,
+            Ledger.create(Path(folder) / "ledger", members, operator) as ledger,
+        ):
+            taken: dict[bytes, Pose] = {}  # from where panoramas were, by their digest
+            oracle = Oracle(self.truth, self.rig) if arm == "oracle" else None
+            if oracle is not None:
+                perception = oracle.perception(
+                    lambda: simulator.pose(robot), lambda b: taken[digest(b)]
+                )
+            else:
+                perception = learned_perception()
+            goal: KnownGoal
+            if mission.goal == PLACE:
+                (place,) = mission.goal_poses
+                shown = self.renderer.render(place, self.rig).encode()
+                taken[digest(shown)] = place
+                look = perception.stored(shown, None)
+                goal = oracle.place(look, perception) if oracle else GoalPlace(look, perception)
+            else:
+                goal = oracle.goal(mission.goal) if oracle else self._goal(mission)
+            # among panoramas: the goal is as it was shown
+            perception = misled(perception, conditions.wrong_edges, number)
+            record = oracle.record if oracle else perception.record
+            robots = assemble(simulator, ledger, number, examine=record)
+            if arm != "alone":
+                for name in others:
+                    robots[name].observe(look=True)
+                patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
+                patrol.drive(conditions.patrol_s)
+                robots[robot].others = patrol.drives
+            index, known = index_of(ledger, perception), published_of(ledger, robot, REMEMBERED)
+
+            def published() -> Mapping[str, Published]:
+                for p in (p for name in others for p in robots[name].publications):
+                    taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
+                return known()
+
+            bars = Barred(simulator, robot, conditions.barred, number)
+            started_ns = simulator.clock_ns
+            result = drive_mission(
+                robot, robots[robot], published, index, goal, perception, conditions.config,
+                bars.tell,
+            )  # fmt: skip
+            n_published = len(known())
+        seconds = (simulator.clock_ns - started_ns) / 1e9
+        row = self._row(mission, arm, simulator, robot, result, seconds)
+        costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
+        return {**row, "published": n_published, "barred": bars.rows, **costs}
+
+    def _goal(self, mission: Mission) -> GoalPictures:
+        poses = mission.goal_poses
+        return goal_from(goal_pictures(self.scene, self.renderer, mission.goal, poses, self.rig))
+
+    def _row(
+        self,
+        mission: Mission,
+        arm: str,
+        simulator: Simulator,
+        robot: str,
+        result: MissionResult,
+        seconds: float,
+    ) -> dict[str, object]:
+        pose = simulator.pose(robot)
+        if mission.goal == PLACE:
+            range_m = pose.distance_to_m(mission.goal_poses[0].xy_m)
+            at_goal = range_m <= _AT_PLACE_M
+        else:
+            at_goal, range_m = is_at(self.scene, self.truth, mission.goal, pose, self.rig)
+        path = simulator.path_xy_m(robot)
+        chain = mission.chain
+        reached = [d for d in result.decisions if d.what == "reached"]
+        return {
+            "mission": mission.number,
+            "arm": arm,
+            "arrived": result.arrived,
+            "success": result.arrived and at_goal,
+            "reason": result.reason,
+            "range_m": range_m,
+            "driven_m": float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()),
+            "way_m": mission.way_m,
+            "chain": len(chain.landmarks) if chain else 0,
+            "chain_way_m": chain.way_m if chain else None,
+            "collisions": simulator.collisions(robot),
+            "replans": max(0, len(result.plans) - 1),
+            "legs": len(reached),
+            "to_landmarks": sum(d.values["landmark"] for d in reached),
+            "seconds_simulated": seconds,
+            "log": [asdict(d) for d in result.decisions],
+        }
