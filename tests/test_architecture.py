@@ -1,6 +1,7 @@
 """Imports run one way, down the levels of docs/architecture.md; special libraries have one home."""
 
 import ast
+from collections import Counter
 from collections.abc import Iterator
 from functools import cache
 from graphlib import TopologicalSorter
@@ -172,6 +173,14 @@ def violations(package: Path) -> list[str]:
 
 def test_imports_run_down_the_levels() -> None:
     assert violations(PACKAGE) == []
+
+
+def test_a_folder_is_a_room_and_a_module_is_read_in_one_sitting() -> None:
+    modules = sorted(PACKAGE.rglob("*.py"))
+    rooms = Counter(path.parent for path in modules)
+    assert [room for room, n in rooms.items() if n > MOST_MODULES] == []
+    lines = {path: len(path.read_text(encoding="utf-8").splitlines()) for path in modules}
+    assert [path for path, n in lines.items() if n > MOST_LINES] == []
 
 
 @pytest.mark.parametrize(
