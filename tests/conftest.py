@@ -18,9 +18,9 @@ from vrchain.experiments.workers import ONE_THREAD
 if int(os.environ.get("PYTEST_XDIST_WORKER_COUNT", "1")) > 1:
     os.environ.update(ONE_THREAD)
 
+from vrchain.allocator import keep_freed_memory
 from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.experiments.reproduction.stages import reproduce
-from vrchain.memory import keep_freed_memory
 
 settings.register_profile("quick", max_examples=50, derandomize=True, deadline=None)
 settings.register_profile("full", max_examples=1000, deadline=None)

@@ -16,8 +16,8 @@ from vrchain.landmarks.extraction.spots import NO_SPOTS, ONE, Spots
 from vrchain.landmarks.matching.calibration import Calibration
 from vrchain.landmarks.matching.common import Comparison, compare
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.landmarks.retrieval.lookup import Query
-from vrchain.landmarks.retrieval.recognition import LOWEST_SLOPE, Goal, template_around
+from vrchain.landmarks.retrieval.query import Query
+from vrchain.landmarks.retrieval.template import LOWEST_SLOPE, Goal, template_around
 from vrchain.navigation.goal.recognition import GoalPictures
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Published, age_of

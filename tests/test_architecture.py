@@ -21,7 +21,7 @@ LEVELS = {
     "paths": 0,
     "extras": 0,
     "files": 0,
-    "memory": 0,
+    "allocator": 0,
     "lazy": 0,
     "panorama": 1,
     "ledger": 1,

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from vrchain.experiments.ledger import tampering as tampering
     from vrchain.experiments.reproduction.results import Results as Results
     from vrchain.geometry import Pose as Pose
+    from vrchain.landmarks.matching.common import Comparison as Comparison
     from vrchain.landmarks.matching.variants import Variant as Variant
     from vrchain.ledger import Ledger as Ledger
     from vrchain.ledger import random_key as random_key
@@ -50,6 +51,7 @@ __version__ = "0.1.0"
 
 _HOMES = {
     "CameraRig": "panorama",
+    "Comparison": "landmarks.matching.common",
     "GroundTruth": "world.truth",
     "Ledger": "ledger",
     "LedgerError": "errors",

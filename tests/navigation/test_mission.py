@@ -24,8 +24,8 @@ from plains import (
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import CommonLandmark, Region
-from vrchain.landmarks.retrieval.lookup import sought
-from vrchain.landmarks.retrieval.recognition import Goal
+from vrchain.landmarks.retrieval.query import query_of
+from vrchain.landmarks.retrieval.template import Goal
 from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.following import Follower, _is_idle
@@ -157,7 +157,7 @@ UNHEARD_OF = Plain((Thing("unheard of", (0.0, 0.0)),)).goal("unheard of", 1.0, 2
         (street(), {"R2": Pose(1.0, -4.0, 1.0), "R3": Pose(-2.0, 3.0)}, None,
          "no other robot's panorama shows the goal"),
         (street(), TEAM, UNHEARD_OF, "no other robot's panorama shows the goal"),
-        (street(), TEAM, GoalPictures(sought([]), Goal(()), CALIBRATION, ()),
+        (street(), TEAM, GoalPictures(query_of([]), Goal(()), CALIBRATION, ()),
          "no other robot's panorama shows the goal"),
         (APART, TEAM, None, "R2 sees the goal, but no chain of common landmarks leads there"),
     ],

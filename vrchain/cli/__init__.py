@@ -13,9 +13,9 @@ from typing import Any, TextIO
 import typer
 
 from vrchain import __version__
+from vrchain.allocator import keep_freed_memory
 from vrchain.cli import bench, evaluate, ledger, research, robots, scene
 from vrchain.errors import UnsupportedWarning, VRChainError
-from vrchain.memory import keep_freed_memory
 
 app = typer.Typer(
     no_args_is_help=True,

@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 from tqdm.auto import tqdm
 
-from vrchain.memory import keep_freed_memory
+from vrchain.allocator import keep_freed_memory
 
 MOST = 4  # processes, if nobody says how many: each holds a scene
 # For each of several processes that share the cores: more threads would wait for one another.

@@ -12,10 +12,10 @@ from pathlib import Path
 import pandas as pd
 from matplotlib.figure import Figure
 
+from vrchain.allocator import keep_freed_memory
 from vrchain.errors import VRChainError
 from vrchain.experiments.reproduction.results import ADVERTISED, Results
 from vrchain.experiments.workers import each
-from vrchain.memory import keep_freed_memory
 from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
 

@@ -84,7 +84,7 @@ class MissionRun:
 
 def run_mission(
     scene: Scene,
-    ledger_folder: Path,
+    ledger_folder: str | Path,
     *,
     seed: int = 0,
     n_robots: int = 3,
@@ -118,9 +118,9 @@ def run_mission(
         started_ns = simulator.clock_ns
         published, index = published_of(ledger, robot), index_of(ledger, perception)
         panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
-        sought = goal_from(pictures, weights)
+        shown = goal_from(pictures, weights)
         result = drive_mission(
-            robot, robots[robot], published, index, sought, perception, config, tell
+            robot, robots[robot], published, index, shown, perception, config, tell
         )
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)

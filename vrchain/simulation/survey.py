@@ -26,7 +26,7 @@ _MAX_TICKS_A_POSITION = 400
 
 def survey(
     scene: Scene,
-    ledger_folder: Path,
+    ledger_folder: str | Path,
     n_positions: int,
     *,
     seed: int = 0,

@@ -114,7 +114,7 @@ class PublishingRobot:
         return seen
 
 
-def team_ledger(folder: Path, robots: Iterable[str], seed: int) -> Ledger:
+def team_ledger(folder: str | Path, robots: Iterable[str], seed: int) -> Ledger:
     """A new ledger; members' and operator's keys derive from the seed, as ``assemble``'s do."""
     members = {name: simulated_key(seed, name).public for name in robots}
     return Ledger.create(folder, members, simulated_key(seed, "operator"))

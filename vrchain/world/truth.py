@@ -1,6 +1,7 @@
 """Ground truth by ray casting: what is really seen, and how far away. Open3D only here.
 
-Only the simulator, training, quality and experiments may ask; a robot never does.
+The simulation, training, quality, experiments and the workbench may ask, a robot never does:
+tests/test_architecture.py holds that.
 """
 
 import sys

@@ -25,7 +25,7 @@ from vrchain.landmarks.retrieval.gallery import (
     record_from,
     who_sees,
 )
-from vrchain.landmarks.retrieval.lookup import sought, subject
+from vrchain.landmarks.retrieval.query import query_of, subject
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
 from vrchain.world import Scene, build_scene
@@ -181,7 +181,7 @@ def test_who_sees_what_a_picture_shows_and_what_surely_does_is_sought_too(
     a, b = records()
     picture = examine(Panorama(replace(RIG, n_views=1), pair()[1][0].views[:1]))
     assert subject(picture) is not None
-    what, panoramas = sought([picture]), gallery_of({"black": bare("black"), "a": a, "b": b})
+    what, panoramas = query_of([picture]), gallery_of({"black": bare("black"), "a": a, "b": b})
     first, second, *_ = who_sees(what, panoramas)
     assert first.key == "a" and first.belief > max(0.0, second.belief)
     assert first.sighting is not None and first.spotted is not None
@@ -191,4 +191,4 @@ def test_who_sees_what_a_picture_shows_and_what_surely_does_is_sought_too(
     alone = {s.key: s for s in who_sees(what, panoramas)}
     assert alone["a"].belief > 0 and wider["a"].alike > alone["a"].alike + 0.05
     assert wider["b"].alike > alone["b"].alike
-    assert who_sees(sought([bare("black")]), gallery_of({"a": a})) == []
+    assert who_sees(query_of([bare("black")]), gallery_of({"a": a})) == []

@@ -10,8 +10,8 @@ from vrchain.landmarks.extraction.proposer import from_answers, nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.extraction.sift import NO_FEATURES, Features
 from vrchain.landmarks.extraction.spots import NO_SPOTS
-from vrchain.landmarks.retrieval.lookup import sought
-from vrchain.landmarks.retrieval.recognition import Goal, Template
+from vrchain.landmarks.retrieval.query import query_of
+from vrchain.landmarks.retrieval.template import Goal, Template
 from vrchain.navigation.goal.recognition import GoalPictures, _of_subject
 
 HERE = Pose(0.0, 0.0, 0.3)
@@ -56,7 +56,7 @@ def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
     assert GOAL.find(look, HERE.bearing_to_rad((0.0, -10.0)), 0.1) is None
     empty = Plain((Thing("gone", (5.0, 0.0), visible_from=lambda pose: False),)).look(HERE)
     assert GOAL.find(empty) is None
-    assert GoalPictures(sought([]), Goal(()), CALIBRATION, ()).find(look) is None
+    assert GoalPictures(query_of([]), Goal(()), CALIBRATION, ()).find(look) is None
 
 
 def test_without_spots_and_keypoints_looks_alone_prove_nothing() -> None:

@@ -27,8 +27,8 @@ from vrchain.landmarks.extraction.record import (
 )
 from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.landmarks.retrieval.gallery import gallery_of, named, who_sees
-from vrchain.landmarks.retrieval.lookup import sought
-from vrchain.landmarks.retrieval.recognition import find_goal, goal_of
+from vrchain.landmarks.retrieval.query import query_of
+from vrchain.landmarks.retrieval.template import find_goal, goal_of
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
 from vrchain.simulation.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
@@ -189,7 +189,7 @@ def _take(panorama: Panorama, truth: GroundTruth, pose: Pose) -> _Taken:
 
 
 def _by_gallery(among: dict[int, _Taken], pictures: list[Panorama]) -> list[int]:
-    what = sought([examine(p) for p in pictures])
+    what = query_of([examine(p) for p in pictures])
     gallery = gallery_of({n: t.record for n, t in among.items()})
     return named(who_sees(what, gallery))
 

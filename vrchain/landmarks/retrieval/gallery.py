@@ -32,8 +32,8 @@ from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.extraction.spots import ONE
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
-from vrchain.landmarks.retrieval.lookup import Query, depth, worth_of
-from vrchain.landmarks.retrieval.recognition import (
+from vrchain.landmarks.retrieval.query import Query, depth, worth_of
+from vrchain.landmarks.retrieval.template import (
     LOWEST_SLOPE,
     RATIO,
     Sighting,

@@ -1,4 +1,8 @@
-"""A block: one link of the chain. Its hash covers all fields of ``Block`` and the signature."""
+"""A block: one link of the chain.
+
+Its hash covers height, previous hash, time, author, the roots of its records and of the table of
+newest transactions, and the signature.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field

@@ -17,8 +17,8 @@ from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
-from vrchain.landmarks.retrieval.lookup import Query, depth, sought, subject, worth_of
-from vrchain.landmarks.retrieval.recognition import Goal, Sighting, Template, goal_of, locate
+from vrchain.landmarks.retrieval.query import Query, depth, query_of, subject, worth_of
+from vrchain.landmarks.retrieval.template import Goal, Sighting, Template, goal_of, locate
 from vrchain.navigation.driving.estimates import Estimate, sighted
 from vrchain.navigation.perception import Look, surface_m
 from vrchain.navigation.settings import GOAL_RANGE_M
@@ -152,7 +152,7 @@ def goal_from(pictures: Sequence[Panorama], weights: Path = SHIPPED) -> GoalPict
     """A goal by single views that are framed on it."""
     records, goal = [examine(picture, weights) for picture in pictures], goal_of(pictures)
     own, taken_m = zip(*map(_of_subject, goal.templates, records), strict=True)
-    return GoalPictures(sought(records), Goal(own), load_calibration(weights), taken_m)
+    return GoalPictures(query_of(records), Goal(own), load_calibration(weights), taken_m)
 
 
 def _of_subject(template: Template, picture: LandmarkRecord) -> tuple[Template, float]:

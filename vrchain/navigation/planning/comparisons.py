@@ -7,7 +7,7 @@ from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.perception import Look
-from vrchain.navigation.planning.odometry import links, tracks
+from vrchain.navigation.planning.odometry_links import links, tracks
 from vrchain.navigation.planning.pair_selection import bridges, partners
 from vrchain.navigation.planning.relative_poses import (
     Pair,

@@ -10,7 +10,7 @@ from sights import descriptors, features_of, sight
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.retrieval.recognition import (
+from vrchain.landmarks.retrieval.template import (
     GOAL_MATCHES,
     LOWEST_SLOPE,
     Goal,

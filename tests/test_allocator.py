@@ -8,7 +8,7 @@ import pytest
 
 CODE = """
 import ctypes, resource, sys
-from vrchain.memory import keep_freed_memory
+from vrchain.allocator import keep_freed_memory
 if sys.argv[1] == "kept":
     keep_freed_memory()
 c = ctypes.CDLL(None)

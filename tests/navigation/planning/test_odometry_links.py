@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from vrchain.geometry import Pose, relative
-from vrchain.navigation.planning.odometry import links, tracks
+from vrchain.navigation.planning.odometry_links import links, tracks
 from vrchain.navigation.settings import Published
 
 

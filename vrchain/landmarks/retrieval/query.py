@@ -11,7 +11,7 @@ from vrchain.landmarks.extraction.raster import directions_of
 from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.extraction.spots import Spots
 from vrchain.landmarks.matching.calibration import Calibration
-from vrchain.landmarks.retrieval.recognition import LOWEST_SLOPE
+from vrchain.landmarks.retrieval.template import LOWEST_SLOPE
 
 Array = NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def depth(range_m: float) -> float:
     return float(np.log(np.clip(range_m, 1.0, 100.0) / _TYPICAL_M))
 
 
-def sought(pictures: Sequence[LandmarkRecord]) -> Query:
+def query_of(pictures: Sequence[LandmarkRecord]) -> Query:
     """What pictures show in their middle. Pictures in which nothing is proposed there are left."""
     return _of([(p, k) for p in pictures if (k := subject(p)) is not None])
 

@@ -12,8 +12,8 @@ from vrchain.landmarks.extraction.raster import CELL_PX, cell_slopes, columns_of
 from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.extraction.sift import NO_FEATURES
 from vrchain.landmarks.matching.calibration import Calibration
-from vrchain.landmarks.retrieval.lookup import sought, subject
-from vrchain.landmarks.retrieval.recognition import LOWEST_SLOPE
+from vrchain.landmarks.retrieval.query import query_of, subject
+from vrchain.landmarks.retrieval.template import LOWEST_SLOPE
 
 CENTRES_M = np.array([[9.0, 0.0], [0.0, 9.0], [-8.0, 1.0], [4.0, -10.0]])
 HERE = Pose(1.0, -1.0, 2.0)
@@ -67,7 +67,7 @@ def own_of(thing: int) -> int:
 def test_what_is_sought_looks_more_like_itself_than_all_else_does() -> None:
     here = record(HERE)
     for thing in range(len(CENTRES_M)):
-        what = sought([record(towards(thing, r)) for r in (5.0, 7.0)])
+        what = query_of([record(towards(thing, r)) for r in (5.0, 7.0)])
         p, own = here.proposals, own_of(thing)
         looks, alike = what.appearance(p.embedding, CALIBRATION), what.alike(p, here.spots)
         assert looks.argmax() == own == alike.argmax()
@@ -76,7 +76,7 @@ def test_what_is_sought_looks_more_like_itself_than_all_else_does() -> None:
 
 
 def test_spots_at_another_height_are_others() -> None:
-    what = sought([record(towards(0, 6.0))])
+    what = query_of([record(towards(0, 6.0))])
     p = record(towards(0, 6.0))
     k = subject(p)
     assert k is not None
@@ -88,18 +88,18 @@ def test_spots_at_another_height_are_others() -> None:
 def test_where_there_is_nothing_nothing_is_sought_or_found() -> None:
     bare = LandmarkRecord(answers.RIG, "m", nothing(), NO_FEATURES)
     assert subject(bare) is None
-    what, other = sought([bare]), record(towards(0, 6.0))
-    assert what.pictures == () and sought([]).pictures == ()
+    what, other = query_of([bare]), record(towards(0, 6.0))
+    assert what.pictures == () and query_of([]).pictures == ()
     assert (what.appearance(other.proposals.embedding, CALIBRATION) == -np.inf).all()
     assert (what.alike(other.proposals, other.spots) == 0).all()
-    assert len(sought([other]).alike(bare.proposals, bare.spots)) == 0
+    assert len(query_of([other]).alike(bare.proposals, bare.spots)) == 0
 
 
 def test_what_is_seen_from_other_sides_too_looks_no_less_like_itself() -> None:
     here = record(HERE)
     p = here.proposals
     for thing in range(len(CENTRES_M)):
-        what = sought([record(towards(thing, 7.0))])
+        what = query_of([record(towards(thing, 7.0))])
         own = own_of(thing)
         wider = what.also([(here, own)])
         assert wider.pictures == what.pictures
