@@ -1,7 +1,9 @@
 """A scene in three dimensions inside a notebook, or in any browser, without network.
 
 One page holds everything: the scene as GLB (textures shrunk, packed by gzip), and a small WebGL
-program that draws it with its baked light, as the renderer does.
+program that draws it with its baked light, as the renderer does. The viewer that trimesh ships was
+tried in its place: baked colours come out too dark, robots have no names, the camera rolls, and the
+page is 2.5 times as large.
 """
 
 import base64
