@@ -71,7 +71,7 @@ MOST_LINES = 350  # in a module
 
 
 def name_of(path: Path, package: Path) -> str:
-    """The dotted name below the package: ``scene.model`` (``scene/__init__.py`` is ``scene``)."""
+    """The dotted name below the package: ``world.model`` (``world/__init__.py`` is ``world``)."""
     parts = path.relative_to(package).with_suffix("").parts
     return ".".join(part for part in parts if part != "__init__")
 

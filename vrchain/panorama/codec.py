@@ -37,7 +37,7 @@ _QUALITY_FLAGS = {
     "webp": cv2.IMWRITE_WEBP_QUALITY,
     "png": None,
 }
-# By `vrchain bench codec`, 24 pairs: it keeps 1.02 (0.97-1.07) of the landmarks found without loss,
+# By docs/results/dropped.md it keeps 1.02 (0.97-1.07) of the landmarks found without loss,
 # in 0.56 of the bytes of quality 90; below, keypoints go. WebP takes 20 times as long for as much.
 STORED = Codec("jpeg", 70)
 

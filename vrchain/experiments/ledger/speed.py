@@ -39,10 +39,9 @@ from vrchain.experiments.ledger.stores import (
     scratch_folder,
     size_of,
 )
-from vrchain.experiments.stopwatch import Stopwatch, race_us
+from vrchain.experiments.stopwatch import COLUMNS, Stopwatch, race_us
 from vrchain.ledger import Ledger, verify
 
-COLUMNS = ["name", "positions", "median_us", "reference_us", "ratio", "bar"]
 SIZE_COLUMNS = ["layout", "positions", "payload_bytes", "n_bytes", "ratio", "computed"]
 POSITIONS = (40, 200, 500, 10_000, 100_000)
 ROBOTS = 10
@@ -79,7 +78,7 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True)
 class Bench:
-    """``rows`` has COLUMNS: times in microseconds, ``bar`` what ``ratio`` should not exceed.
+    """``rows`` has ``COLUMNS``: times in microseconds, ``bar`` what ``ratio`` should not exceed.
 
     ``sizes`` has SIZE_COLUMNS, ``computed`` where a layout is too large to be written out.
     """

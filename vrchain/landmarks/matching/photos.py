@@ -41,9 +41,10 @@ _BLUR_PX = 1.0, 1.5  # before steps and colours are looked at
 class PhotoConfig:
     """How matches are found and how many must agree.
 
-    By rendered views of suburbs (``experiments.photographs``) at most one pair in a hundred of
-    unrelated views is claimed so. Ratio, tolerance and ``either`` were taken after the photographs
-    of the project's tests had been looked at: what they do on these is no independent evidence.
+    By rendered views of suburbs (``experiments.landmarks.photographs``) at most one pair in a
+    hundred of unrelated views is claimed so. Ratio, tolerance and ``either`` were taken after the
+    photographs of the project's tests had been looked at: what they do on these is no independent
+    evidence.
     """
 
     root: bool = True  # Hellinger's distance between descriptors

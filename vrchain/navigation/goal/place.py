@@ -64,7 +64,7 @@ class PlaceArrival(Candidates):
     goal: GoalPlace
 
     def is_blocked(self, place: Estimate) -> bool:
-        """Never: what was not found there was sought there."""
+        """Never: where the place was not found, it had been looked for."""
         return False
 
     def drive_to(self, candidate: Candidate) -> bool:
