@@ -19,6 +19,7 @@ import pytest
 from worlds import ROOT
 
 from vrchain.cli import main
+from vrchain.panorama import Panorama
 from vrchain.paths import SCENES
 from vrchain.world import load_scene
 
@@ -406,6 +407,35 @@ def test_a_panorama_is_the_same_in_two_processes(tmp_path: Path) -> None:
     first, second = everything(tmp_path / "first"), everything(tmp_path / "second")
     assert first == second
     assert len(first) == 10  # eight views, the cylinder, the rig
+
+
+def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        pixels = np.random.default_rng(ord(name)).integers(0, 256, (128, 256, 3), dtype=np.uint8)
+        cv2.imwrite(str(tmp_path / f"{name}.png"), pixels)
+    cv2.imwrite(str(tmp_path / "photo.png"), pixels[:100])
+    (tmp_path / "full").mkdir()
+    (tmp_path / "full" / "mine.txt").write_text("keep")
+    a, b = tmp_path / "a.png", tmp_path / "b.png"
+    command = ("panorama", "import", "--height", 1.4)
+    good(here(*command, a, "-o", tmp_path / "one"))
+    good(here(*command, a, b, "-o", tmp_path / "two"))
+    one, also = (Panorama.load(tmp_path / name) for name in ("one", "two/a"))
+    assert one.rig == also.rig and one.rig.camera_height_m == 1.4
+    assert np.array_equal(one.views, also.views)
+    assert not np.array_equal(one.views, Panorama.load(tmp_path / "two/b").views)
+    before = everything(tmp_path)
+    out = tmp_path / "out"
+    assert "photo.png" in refused(*command, a, tmp_path / "photo.png", "-o", out)
+    assert "none.png" in refused(*command, a, tmp_path / "none.png", "-o", out)
+    assert "different names" in refused(*command, a, a, "-o", out)
+    assert "not empty" in refused(*command, a, b, "-o", tmp_path / "full")
+    assert "choose another -o" in refused(
+        *command, tmp_path / "one/view_0.png", "-o", "one", cwd=tmp_path
+    )
+    assert "fisheye" in refused(*command, a, "-o", out, "--model", "fisheye")
+    assert "camera_height_m" in refused("panorama", "import", a, "-o", out, "--height", 0)
+    assert everything(tmp_path) == before
 
 
 def test_scene_info(tmp_path: Path) -> None:

@@ -25,6 +25,12 @@ SpecOrSuburb = Annotated[
         show_default="scenes/suburb.yaml",  # without the folder that it lies in
     ),
 ]
+Folder = Annotated[
+    Path,
+    typer.Option(
+        "-o", "--output", metavar="DIR", help="Folder to write; an earlier result is replaced."
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 
 

@@ -1,4 +1,4 @@
-"""The commands that look and drive: ``panorama``, ``landmarks``, ``navigate``."""
+"""The commands that compare what is seen and drive by it: ``landmarks``, ``navigate``."""
 
 import json
 import math
@@ -9,51 +9,13 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vrchain.cli.options import Json, Spec, check_picture, doing, suburb_of
+from vrchain.cli.options import Folder, Json, Spec, check_picture, doing, suburb_of
 from vrchain.errors import OutputError
 from vrchain.files import check_output_folder, output_folder, write_file
 
 if TYPE_CHECKING:
     from vrchain.landmarks.matching.common import CommonLandmark
     from vrchain.landmarks.matching.photos import FileComparison
-
-Folder = Annotated[
-    Path,
-    typer.Option(
-        "-o", "--output", metavar="DIR", help="Folder to write; an earlier result is replaced."
-    ),
-]
-
-
-def panorama(
-    spec: Spec,
-    at: Annotated[
-        tuple[float, float, float], typer.Option(metavar="X Y YAW_DEG", help="Metres and degrees.")
-    ],
-    output: Folder,
-    views: Annotated[int, typer.Option(help="Cameras in the ring.")] = 8,
-    width: Annotated[int, typer.Option(help="Of a view, in pixels.")] = 640,
-    height: Annotated[int, typer.Option(help="Of a view, in pixels.")] = 480,
-    field_of_view: Annotated[float, typer.Option(help="Width of a view, in degrees.")] = 60.0,
-) -> None:
-    """Draw what a robot sees all around it: its views and the joined cylinder."""
-    from vrchain.geometry import Pose
-    from vrchain.panorama import MARKER, CameraRig
-    from vrchain.world import load_scene
-    from vrchain.world.model import check_on_map
-    from vrchain.world.render import Renderer
-
-    check_output_folder(output, MARKER)
-    rig = CameraRig(views, width, height, field_of_view)
-    pose = Pose(at[0], at[1], math.radians(at[2] % 360))
-    suburb = suburb_of(spec)
-    check_on_map(pose, suburb.extent_m if suburb else (math.inf, math.inf))
-    with doing(f"building {spec}"):
-        scene = load_scene(spec)
-    scene.check_pose(pose)
-    with output_folder(output, MARKER) as folder:
-        Renderer(scene).render(pose, rig).save(folder)
-    print(f"wrote {output}: views, cylinder.png, {MARKER}")
 
 
 def landmarks(
