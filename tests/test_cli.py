@@ -216,6 +216,8 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "ledger", "--positions", "0"), "equal to 1, got '0'"),
         (("bench", "flood", "--kind", "rain"), "a flood of valid"),
+        (("evaluate", "tour", "none"), "zind_data.json"),
+        (("evaluate", "tour", "none", "-o", "/proc/new"), "cannot write"),
         (("train", "-o", "/proc/weights.pt"), "cannot write"),
         (("figures", "-o", "/proc/new"), "cannot write"),
     ],

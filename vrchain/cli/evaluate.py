@@ -108,6 +108,36 @@ def photographs(
 
 
 @app.command()
+def tour(
+    folders: Annotated[
+        list[Path], typer.Argument(metavar="TOUR [OTHER]", help="A tour, and other places.")
+    ],
+    variant: Annotated[
+        list[str] | None, typer.Option(metavar="V", help="Give one for each; sift, the default.")
+    ] = None,
+    height: Annotated[
+        float | None,
+        typer.Option(metavar="M", help="Of all cameras; else what the tour tells."),
+    ] = None,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
+    """Compare all panoramas of a real tour whose poses are known, and with those of other places.
+
+    TOUR is in ZInD's layout; OTHER too, or a folder of equirectangular pictures. A pose is right
+    within 10 degrees of the direction and 5 of the heading. Intervals: 95 %, bootstrap over rooms.
+    Broken off, the same command goes on.
+    """
+    from vrchain.experiments.landmarks import tours as experiment
+    from vrchain.landmarks.matching.variants import DEFAULT, variant_named
+
+    folder = _kept_in(output, "tour")
+    variants = [variant_named(name) for name in variant or ("sift", DEFAULT)]
+    found = experiment.evaluate(folders, variants, folder=folder, height_m=height)
+    _tell_rows(experiment.summarise(found), as_json, experiment.as_text)
+
+
+@app.command()
 def search(
     spec: SpecOrSuburb = SUBURB,
     panoramas: Annotated[int, typer.Option(min=1, help="In each suburb.")] = 500,
@@ -257,6 +287,10 @@ def _folder(output: Path | None, name: str, seed: int, allow_training_seeds: boo
             f"seeds below {FIRST_SEED} were learned from or chosen by, got {seed}: take another, "
             "or --allow-training-seeds"
         )
+    return _kept_in(output, name)
+
+
+def _kept_in(output: Path | None, name: str) -> Path:
     folder = output or BUILD / "evaluate" / name
     check_output_file(folder / "results")
     return folder

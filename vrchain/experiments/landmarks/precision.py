@@ -30,7 +30,7 @@ from vrchain.landmarks.matching.common import (
     panorama_region,
     support_score,
 )
-from vrchain.landmarks.matching.epipolar import estimate
+from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.matching.variants import DEFAULT, Variant, sift, variant_named
 from vrchain.landmarks.quality import names_in_common
 from vrchain.panorama import CameraRig, Panorama
@@ -134,7 +134,7 @@ def _suburb(
             ms = (perf_counter() - start) * 1e3
             which = {"pair": number, "variant": variant.name}
             claims += [which | row for row in judged(found, truth, poses, features, rig, shared)]
-            direction, heading = _pose_errors_deg(found, *poses)
+            direction, heading = pose_errors_deg(found.geometry, *poses)
             pairs.append(
                 {
                     **which,
@@ -178,11 +178,12 @@ def regions_given(
     return Comparison(tuple(sorted(claims, key=lambda c: -c.score)), geometry)
 
 
-def _pose_errors_deg(found: Comparison, a: Pose, b: Pose) -> tuple[float, float]:
-    if found.geometry is None:
+def pose_errors_deg(found: PlanarGeometry | None, a: Pose, b: Pose) -> tuple[float, float]:
+    """By how much the direction from A to B and the heading are wrong; 180 where none is found."""
+    if found is None:
         return 180.0, 180.0
-    direction = found.geometry.direction_rad - a.bearing_to_rad(b.xy_m)
-    heading = found.geometry.heading_rad - (b.yaw_rad - a.yaw_rad)
+    direction = found.direction_rad - a.bearing_to_rad(b.xy_m)
+    heading = found.heading_rad - (b.yaw_rad - a.yaw_rad)
     off = np.degrees(np.abs(wrap_angle_rad(np.array([direction, heading]))))
     return float(off[0]), float(off[1])
 
