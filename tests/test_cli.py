@@ -235,6 +235,7 @@ COUNTS = [  # command, option, least, most
     ("evaluate navigation {}", "--missions", 1, None),
     ("evaluate navigation {}", "--landmarks", 0, None),
     ("evaluate landmarks {}", "--pairs", 1, None),
+    ("evaluate degraded {}", "--pairs", 1, None),
     ("evaluate strangers {}", "--pairs", 1, None),
     ("evaluate search {}", "--panoramas", 1, None),
     ("evaluate search {}", "--goals", 1, None),
@@ -252,7 +253,7 @@ COUNTS = [  # command, option, least, most
 SEEDED = ["navigate {} -o out"] + [
     f"{group} {name}"
     for group, names in {
-        "evaluate": "landmarks strangers search homing navigation goals",
+        "evaluate": "landmarks degraded strangers search homing navigation goals",
         "bench": "render landmarks planner flood ledger",
     }.items()
     for name in names.split()
@@ -288,6 +289,7 @@ def test_a_number_out_of_bounds_is_refused_before_a_scene_is_built(
         (("scene export", "-o", "/proc/new.glb"), "cannot write"),
         (("scene export", "-o", "/proc/new.world"), "cannot write"),
         (("evaluate landmarks", "-o", "/proc/new"), "cannot write"),
+        (("evaluate degraded", "-o", "/proc/new"), "cannot write"),
         (("evaluate strangers", "-o", "link.png"), "link.png"),
         (("evaluate search", "-o", "/proc/new"), "cannot write"),
         (("evaluate homing", "-o", "/proc/new"), "cannot write"),

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -139,6 +140,17 @@ def test_a_wall_between_hides() -> None:
     hidden, clear, clear_too = Pose(0, 0), Pose(10, 8), Pose(8, 9)
     assert co_visible(truth, hidden, clear, RIG) == co_visible(truth, clear, hidden, RIG) == []
     assert co_visible(truth, clear, clear_too, RIG) == [1]
+
+
+def test_each_looks_from_the_height_of_its_own_camera() -> None:
+    house = worlds.box("house", (10, 0), (2, 2, 1), GREY)
+    screen = worlds.box("screen", (4, 0), (0.2, 6, 1.2), GREY, landmark=False)
+    truth, high = GroundTruth(worlds.world(house, screen)), replace(RIG, camera_height_m=3.0)
+    low_pose, clear = Pose(0, 0), Pose(8, 5)
+    assert co_visible(truth, low_pose, clear, RIG) == []
+    assert co_visible(truth, low_pose, clear, (high, RIG)) == [1]
+    assert co_visible(truth, clear, low_pose, (RIG, high)) == [1]
+    assert co_visible(truth, clear, low_pose, (high, RIG)) == []
 
 
 def test_two_sides_of_one_house_are_not_seen_in_common() -> None:

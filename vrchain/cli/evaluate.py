@@ -62,6 +62,38 @@ def landmarks(
 
 
 @app.command()
+def degraded(
+    spec: SpecOrSuburb = SUBURB,
+    pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten in each suburb.")] = 20,
+    spacing: Annotated[
+        tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
+    ] = (1.0, 20.0),
+    variant: Annotated[
+        list[str] | None, typer.Option(metavar="V", help="Give one for each; sift, the default.")
+    ] = None,
+    seed: Seed = 3000,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
+    """Find common landmarks in worse pictures, at half resolution and at other heights, judged.
+
+    Blur, noise, exposure, sunflare and JPEG are of the second panorama. Intervals: 95 %, bootstrap
+    over suburbs. Broken off, the same command goes on.
+    """
+    from vrchain.experiments.landmarks import degraded as experiment
+    from vrchain.experiments.scenes import scenes_of
+    from vrchain.landmarks.matching.variants import DEFAULT, variant_named
+
+    folder = _folder(output, "degraded", seed, allow_training_seeds)
+    variants = [variant_named(name) for name in variant or ("sift", DEFAULT)]
+    found = experiment.evaluate_ways(
+        scenes_of(spec), pairs, spacing, variants, seed=seed, folder=folder
+    )
+    _tell_rows(found, as_json, experiment.as_text)
+
+
+@app.command()
 def strangers(
     spec: SpecOrSuburb = SUBURB,
     pairs: Annotated[

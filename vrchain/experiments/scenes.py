@@ -4,7 +4,7 @@ import hashlib
 import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, field, replace
-from functools import lru_cache, partial
+from functools import cache, lru_cache, partial
 from pathlib import Path
 
 from vrchain.paths import scene_file
@@ -35,6 +35,17 @@ def scenes_of(path: str | Path) -> Scenes:
     _loaded.cache_clear()
     digest = _digest(path, _loaded(path))
     return Scenes(partial(_world, path), digest, varied=False)
+
+
+def remembered(scenes: Scenes) -> Scenes:
+    """The same, each built but once; what was remembered before is forgotten."""
+    _known.cache_clear()
+    return replace(scenes, scene=partial(_known, scenes))
+
+
+@cache
+def _known(scenes: Scenes, seed: int, k: int) -> Scene:
+    return scenes.scene(seed, k)
 
 
 def suburbs(spec: SceneSpec) -> Scenes:

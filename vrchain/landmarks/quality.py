@@ -42,13 +42,13 @@ def judge(
     truth: GroundTruth,
     poses: tuple[Pose, Pose],
     features: tuple[Features, Features],
-    rig: CameraRig,
+    rig: CameraRig | tuple[CameraRig, CameraRig],
     robots: tuple[Mapping[str, Pose], Mapping[str, Pose]] = ({}, {}),
 ) -> list[Verdict]:
     """A verdict for each claim, in order.
 
-    robots: name and pose of those that stood in each picture. They hide what is behind them and
-    are no landmarks, so that a claim on one is wrong.
+    rig: of both, or of each. robots: name and pose of those that stood in each picture. They hide
+    what is behind them and are no landmarks, so that a claim on one is wrong.
     """
     objects = truth.scene.objects
     verdicts: list[Verdict] = []
@@ -57,11 +57,11 @@ def judge(
         sides = []
         supports = (claim.support_a, claim.support_b)
         masks = (claim.mask_a, claim.mask_b)
-        for pose, feature, support, mask, team in zip(
-            poses, features, supports, masks, robots, strict=True
+        for pose, own, feature, support, mask, team in zip(
+            poses, _each(rig), features, supports, masks, robots, strict=True
         ):
             bearing_rad, slope = (feature.take(support).directions if mask is None else mask).T
-            ids, points = truth.look_along(pose, bearing_rad, slope, rig, team)
+            ids, points = truth.look_along(pose, bearing_rad, slope, own, team)
             values, counts = np.unique(ids, return_counts=True)
             leader = int(values[counts.argmax()])
             middle = np.nanmedian(points, axis=0) if (ids != SKY).any() else np.full(3, np.nan)
@@ -79,12 +79,24 @@ def judge(
     return verdicts
 
 
-def co_visible(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> list[int]:
-    """Object ids of the landmarks that both poses see, enough of their surface being the same."""
-    return shared(truth, Sights(truth, a, rig), Sights(truth, b, rig))
+def _each(rig: CameraRig | tuple[CameraRig, CameraRig]) -> tuple[CameraRig, CameraRig]:
+    return rig if isinstance(rig, tuple) else (rig, rig)
 
 
-def names_in_common(truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig) -> set[str]:
+def co_visible(
+    truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig | tuple[CameraRig, CameraRig]
+) -> list[int]:
+    """Object ids of the landmarks that both poses see, enough of their surface being the same.
+
+    rig: of both, or of each.
+    """
+    rig_a, rig_b = _each(rig)
+    return shared(truth, Sights(truth, a, rig_a), Sights(truth, b, rig_b))
+
+
+def names_in_common(
+    truth: GroundTruth, a: Pose, b: Pose, rig: CameraRig | tuple[CameraRig, CameraRig]
+) -> set[str]:
     """The names of ``co_visible`` landmarks, as verdicts have them."""
     return {truth.scene.objects[i].name for i in co_visible(truth, a, b, rig)}
 
@@ -125,7 +137,10 @@ def shared(truth: GroundTruth, a: Sights, b: Sights) -> list[int]:
         fewer, other = (b, a) if next(area) > next(area) else (a, b)
         ids, points = fewer.surface
         own = points[ids == object_id]
-        if len(own) and _seen_share(truth, object_id, own, other.pose, a.rig) >= CO_VISIBLE_SHARE:
+        if (
+            len(own)
+            and _seen_share(truth, object_id, own, other.pose, other.rig) >= CO_VISIBLE_SHARE
+        ):
             found.append(object_id)
     return found
 

@@ -1,19 +1,17 @@
 """Common landmarks over the distance between two robots, by variant."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
 from vrchain.experiments.landmarks.precision import evaluate, from_score, row, summarise
-from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.scenes import Scenes, remembered
 from vrchain.experiments.workers import each
 from vrchain.landmarks.matching.variants import DEFAULT
 from vrchain.panorama import CameraRig
-from vrchain.world.model import Scene
 
 VARIANTS = ("sift", "cnn", DEFAULT)
 _QUARTILES = {"quality_m_q25": 0.25, "quality_m_q75": 0.75}
@@ -35,17 +33,10 @@ def over_distance(
     n_pairs: in each band of spacings ``bands_m`` (metres), in the same suburbs in all of them.
     jobs: see ``workers.each``.
     """
-    _scene.cache_clear()
-    once = replace(scenes, scene=partial(_scene, scenes))
-    measure = partial(evaluate, once, n_pairs, seed=seed, folder=folder, rig=rig)
+    measure = partial(evaluate, remembered(scenes), n_pairs, seed=seed, folder=folder, rig=rig)
     work = partial(_band, measure, bands_m, variants)
     claims, pairs = zip(*each(work, range(len(bands_m)), jobs, "bands"), strict=True)
     return pd.concat(claims, ignore_index=True), pd.concat(pairs, ignore_index=True)
-
-
-@cache
-def _scene(scenes: Scenes, seed: int, k: int) -> Scene:
-    return scenes.scene(seed, k)
 
 
 def _band(

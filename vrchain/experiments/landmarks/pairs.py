@@ -64,7 +64,7 @@ def judged(
     truth: GroundTruth,
     poses: tuple[Pose, Pose],
     features: tuple[Features, Features],
-    rig: CameraRig,
+    rig: CameraRig | tuple[CameraRig, CameraRig],
     shared: Set[str],
     robots: tuple[Mapping[str, Pose], Mapping[str, Pose]] = ({}, {}),
 ) -> list[dict[str, object]]:

@@ -6,7 +6,7 @@ them, as docs/reference/definitions.md has them, ``as_table`` a table to read.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from pathlib import Path
 from time import perf_counter
@@ -18,6 +18,7 @@ import pandas as pd
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import Bootstrap, or_none, ratio, shown, table_of
 from vrchain.experiments.kept import folder_of, kept_each
+from vrchain.experiments.landmarks.degradations import Degradation, unchanged
 from vrchain.experiments.landmarks.pairs import draw_pairs, judged
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose, wrap_angle_rad
@@ -34,6 +35,7 @@ from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
 from vrchain.landmarks.matching.variants import DEFAULT, Variant, sift, variant_named
 from vrchain.landmarks.quality import names_in_common
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.seeding import generator
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -56,6 +58,25 @@ def row(name: str) -> Variant:
     return variant_named(name, LEAST_SCORE)
 
 
+@dataclass(frozen=True)
+class Second:
+    """How the second panorama of each pair differs from the first: in its picture, or its height.
+
+    name: under which what is found is kept.
+    """
+
+    name: str
+    spoil: Degradation = unchanged
+    rise_m: float = 0.0
+
+    def rig(self, first: CameraRig) -> CameraRig:
+        """The second robot's cameras."""
+        return replace(first, camera_height_m=first.camera_height_m + self.rise_m)
+
+
+AS_DRAWN = Second("as drawn")
+
+
 def evaluate(
     scenes: Scenes,
     n_pairs: int,
@@ -65,6 +86,7 @@ def evaluate(
     seed: int,
     folder: Path,
     rig: CameraRig | None = None,
+    second: Second = AS_DRAWN,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Claims and pairs of ``n_pairs`` random pairs, one row each; what is under ``folder`` is read.
 
@@ -79,10 +101,12 @@ def evaluate(
             f"expected 1 pair or more and 0 < MIN <= MAX metres, got {n_pairs} and {spacing_m}"
         )
     rig = rig or CameraRig()
-    own = folder_of(folder, scenes, list(spacing_m), makers(variants), seed, asdict(rig))
+    own = folder_of(
+        folder, scenes, list(spacing_m), makers(variants), seed, asdict(rig), second.name
+    )
     sizes = [min(PAIRS_A_SUBURB, n_pairs - n) for n in range(0, n_pairs, PAIRS_A_SUBURB)]
     files = [own / f"suburb_{k:04d}_{n}.json" for k, n in enumerate(sizes)]
-    find = partial(_suburb, scenes, sizes, spacing_m, variants, seed, rig)
+    find = partial(_suburb, scenes, sizes, spacing_m, variants, seed, rig, second)
     found = kept_each(find, files, 1, "suburbs")
     claims, pairs = (
         [{"suburb": k, **row} for k, suburb in enumerate(found) for row in suburb[name]]
@@ -112,6 +136,7 @@ def _suburb(
     variants: Sequence[Variant],
     seed: int,
     rig: CameraRig,
+    second: Second,
     k: int,
 ) -> dict[str, list[dict[str, object]]]:
     """Claims and pairs of suburb ``k``, a row each."""
@@ -120,9 +145,12 @@ def _suburb(
     claims: list[dict[str, object]] = []
     pairs: list[dict[str, object]] = []
     drawn = list(draw_pairs(scene, sizes[k], spacing_m, seed * 100_003 + k))
+    rigs = rig, second.rig(rig)
     for number, poses in enumerate(drawn):
-        looks = [looks_of(renderer.render(pose, rig), variants) for pose in poses]
-        shared = names_in_common(truth, *poses, rig)
+        a, b = (renderer.render(*own) for own in zip(poses, rigs, strict=True))
+        b = second.spoil(b, generator(seed, second.name, k, number))
+        looks = [looks_of(panorama, variants) for panorama in (a, b)]
+        shared = names_in_common(truth, *poses, rigs)
         for variant in variants:
             a, b = (look[variant.look] for look in looks)
             features = variant.keypoints(a), variant.keypoints(b)
@@ -133,7 +161,7 @@ def _suburb(
                 found = variant.compare(a, b)
             ms = (perf_counter() - start) * 1e3
             which = {"pair": number, "variant": variant.name}
-            claims += [which | row for row in judged(found, truth, poses, features, rig, shared)]
+            claims += [which | row for row in judged(found, truth, poses, features, rigs, shared)]
             direction, heading = pose_errors_deg(found.geometry, *poses)
             pairs.append(
                 {
