@@ -114,6 +114,14 @@ def test_other_places_and_what_was_found_before(tour: Path, tmp_path: Path) -> N
     assert len(looked) == 12
 
 
+def test_a_claim_across_places_is_wrong_whatever_its_pose(tour: Path, tmp_path: Path) -> None:
+    """Told to be two places, one tour is claimed to be one."""
+    found = evaluate([tour, tour], [sift()], folder=tmp_path)
+    across = summarise(found).set_index("band").loc[ELSEWHERE]
+    assert (across.pairs, across.right) == (9, 0)
+    assert across.wrong == across.claimed >= 5
+
+
 def test_what_is_no_tour_is_refused(tour: Path, tmp_path: Path) -> None:
     def refused(*folders: Path) -> str:
         with pytest.raises(ImageError) as found:
