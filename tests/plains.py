@@ -28,7 +28,7 @@ from vrchain.seeding import generator
 RIG = CameraRig()
 BEAMS = beams_rad(72)
 RANGE_MAX_M = 8.0
-CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
+CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8)
 NO_CELLS = np.empty(0, dtype=np.int64)
 
 

@@ -7,7 +7,7 @@ from plains import Plain, Thing
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
-from vrchain.navigation.perception import surface_m, trust, turned
+from vrchain.navigation.perception import chance_joined, surface_m, trust, turned
 
 HERE = Pose(0.0, 0.0)
 STREET = Plain(tuple(Thing(f"t{i}", (12 * np.cos(i), 12 * np.sin(i))) for i in range(6)))
@@ -53,3 +53,21 @@ def test_a_things_side_is_where_it_stands_on_the_ground() -> None:
     floating[0, 2] = 0.1  # its foot is hidden
     hidden = replace(look, proposals=replace(look.proposals, box=floating))
     assert surface_m(hidden, 0) == pytest.approx(12.0)
+
+
+def at(heights: float) -> PlanarGeometry:
+    return PlanarGeometry(0.0, 0.0, np.ones(5, dtype=bool), 0.0, heights)
+
+
+def test_more_and_surer_claims_are_trusted_more_and_near_ones_less() -> None:
+    chance = [chance_joined([0.9] * n, 40, at(30.0)) for n in range(6)]
+    assert chance[0] == 0.0 and chance == sorted(set(chance)) and chance[-1] < 1.0
+    assert chance_joined([0.5] * 2, 40, at(30.0)) < chance[2]
+    assert chance_joined([0.9] * 2, 40, at(2.0)) < chance[2]
+    for nothing_told in (None, at(np.nan)):
+        assert chance_joined([0.9] * 2, 40, nothing_told) == chance[2]
+
+
+def test_where_much_is_proposed_few_claims_say_little_and_none_say_nothing() -> None:
+    assert chance_joined([0.9] * 3, 100, None) < 0.3 < 0.95 < chance_joined([0.9] * 3, 20, None)
+    assert [chance_joined([], n, at(5.0)) for n in (0, 1, 1000)] == [0.0] * 3

@@ -31,7 +31,7 @@ def keypoints(n: int = N) -> Features:
     draws = generator(0, "keypoints")
     return Features(
         draws.uniform(-np.pi, np.pi, n), draws.uniform(-0.39, 0.39, n), draws.uniform(0, 0.2, n),
-        draws.integers(0, 256, (n, 128)).astype(np.uint8),
+        (draws.integers(0, 16, (n, 128)) ** 2).astype(np.uint8),  # squares, as records keep them
     )  # fmt: skip
 
 

@@ -7,13 +7,12 @@ import pytest
 from vrchain.errors import LearnedError
 from vrchain.landmarks.matching.calibration import (
     Calibration,
-    chance_joined,
+    Worth,
     expected_calibration_error,
     fit,
     load_calibration,
     to_json,
 )
-from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.seeding import generator
 
 
@@ -47,35 +46,20 @@ def test_what_is_always_right_stays_finite() -> None:
 
 def test_written_and_read_again(tmp_path: Path) -> None:
     features, right, _ = drawn(500, 0)
-    known = Calibration(12.0, 0.7, {"cnn": fit(features, right)})
+    known = Calibration(12.0, 0.7, {"cnn": Worth(*[fit(features, right)] * 4)})
     (tmp_path / "w.json").write_text(json.dumps({"calibration": to_json(known)}))
     again = load_calibration(tmp_path / "w.pt")
     assert (again.alike_scale, again.alike_even) == (12.0, 0.7)
-    score = known.claims["cnn"].probability(features)
-    assert (again.claims["cnn"].probability(features) == score).all()
+    for what in ("poses", "claims", "joined", "groups"):
+        before, after = (getattr(c.of("cnn"), what).probability(features) for c in (known, again))
+        assert (before == after).all()
+    with pytest.raises(LearnedError, match=r"'sift'.*there is cnn"):
+        again.of("sift")
 
 
-@pytest.mark.parametrize("content", [None, "", "[]", "{}", '{"calibration": {"claims": 3}}'])
+@pytest.mark.parametrize("content", [None, "", "[]", "{}", '{"calibration": {"worth": 3}}'])
 def test_no_calibration_is_said_plainly(tmp_path: Path, content: str | None) -> None:
     if content is not None:
         (tmp_path / "w.json").write_text(content)
     with pytest.raises(LearnedError, match="vrchain train"):
         load_calibration(tmp_path / "w.pt")
-
-
-def at(heights: float) -> PlanarGeometry:
-    return PlanarGeometry(0.0, 0.0, np.ones(5, dtype=bool), 0.0, heights)
-
-
-def test_more_and_surer_claims_are_trusted_more_and_near_ones_less() -> None:
-    chance = [chance_joined([0.9] * n, 40, at(30.0)) for n in range(6)]
-    assert chance[0] == 0.0 and chance == sorted(set(chance)) and chance[-1] < 1.0
-    assert chance_joined([0.5] * 2, 40, at(30.0)) < chance[2]
-    assert chance_joined([0.9] * 2, 40, at(2.0)) < chance[2]
-    for nothing_told in (None, at(np.nan)):
-        assert chance_joined([0.9] * 2, 40, nothing_told) == chance[2]
-
-
-def test_where_much_is_proposed_few_claims_say_little_and_none_say_nothing() -> None:
-    assert chance_joined([0.9] * 3, 100, None) < 0.3 < 0.95 < chance_joined([0.9] * 3, 20, None)
-    assert [chance_joined([], n, at(5.0)) for n in (0, 1, 1000)] == [0.0] * 3

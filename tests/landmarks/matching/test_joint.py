@@ -14,8 +14,9 @@ from vrchain.experiments.landmarks.pairs import draw_pairs
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.raster import CELL_PX, cell_bearings_rad, columns_of
 from vrchain.landmarks.extraction.record import LandmarkRecord, encode_record, examine
-from vrchain.landmarks.matching import joint
-from vrchain.landmarks.matching.joint import JointConfig, compare_joint, distinct
+from vrchain.landmarks.matching import claims
+from vrchain.landmarks.matching.claims import distinct
+from vrchain.landmarks.matching.joint import JointConfig, compare_joint
 from vrchain.landmarks.quality import judge
 from vrchain.landmarks.retrieval import gallery
 from vrchain.landmarks.retrieval.gallery import (
@@ -106,7 +107,7 @@ def test_no_landmark_is_claimed_in_pieces(monkeypatch: pytest.MonkeyPatch) -> No
         a, proposals=replace(a.proposals.take([0, 0, 0, 1]), box=a.proposals.box[[0, 0, 0, 1]])
     )
     apart = replace(b, proposals=b.proposals.take(np.arange(4)))
-    monkeypatch.setattr(joint, "_SAME_BOX", 0.999)
+    monkeypatch.setattr(claims, "_SAME_BOX", 0.999)
     assert distinct(whole, apart, pairs, score) == [1, 3]
 
 

@@ -13,9 +13,9 @@ from vrchain.landmarks.extraction.proposer import Proposals, nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
 from vrchain.landmarks.extraction.sift import NO_FEATURES
 from vrchain.landmarks.matching.calibration import Calibration
+from vrchain.landmarks.matching.claims import regions_of
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
-from vrchain.landmarks.matching.joint import regions_of
 from vrchain.landmarks.quality import Sights, shared
 from vrchain.navigation.goal.place import ARRIVED_M, GoalPlace
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
@@ -28,7 +28,7 @@ from vrchain.world.truth import GroundTruth
 _DIMENSIONS = 64
 _SAME, _ENOUGH = 0.99, 1000  # cosine of one thing with itself, and keypoints that prove it
 _ALIKE = 10.0  # log-likelihood ratio of looks that prove it
-_CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8, claims={})
+_CALIBRATION = Calibration(alike_scale=20.0, alike_even=0.8)
 _NONE = np.empty(0, dtype=np.int64)
 _NOBODY = "0" * 64  # no weights made its records
 

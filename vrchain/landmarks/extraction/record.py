@@ -28,7 +28,6 @@ from vrchain.landmarks.extraction.spots import (
     Spots,
     described,
     descriptors_of,
-    ranks,
     spots_of,
 )
 from vrchain.landmarks.extraction.weights import SHIPPED, load_network, weights_digest
@@ -36,10 +35,9 @@ from vrchain.panorama import CameraRig, Panorama
 
 Array = NDArray[np.float64]
 
-# What of a panorama is kept: so many keypoints at most, so many of each proposal, the largest first
-# (they are found again from farther away), and this share of them for what lies in no proposal.
-_KEYPOINTS, _EACH, _OUTSIDE = 2400, 24, 0.2
-_MAGIC = b"VRLAND\x00\x03"
+_KEYPOINTS = 6000  # of a panorama, the largest, at most: poses of far pairs rest on the many small
+_COARSEST = 15  # of a descriptor's rounded roots, which are kept: 4 bits each
+_MAGIC = b"VRLAND\x00\x04"
 _MAX_BYTES = 4_000_000
 _FARTHEST_M = 10_000.0  # that a robot may have moved since the panorama before, or sees
 
@@ -96,8 +94,7 @@ class LandmarkRecord:
 
 def maker_of(weights: Path = SHIPPED) -> str:
     """The digest of weights and configuration, hexadecimal."""
-    kept = {"keypoints": _KEYPOINTS, "each": _EACH, "outside": _OUTSIDE}
-    known = {"weights": weights_digest(weights), **kept}
+    known = {"weights": weights_digest(weights), "keypoints": _KEYPOINTS, "bits": 4}
     return hashlib.sha256(json.dumps(known, sort_keys=True).encode()).hexdigest()
 
 
@@ -111,11 +108,10 @@ def examine(
     proposals, local = propose(panorama, load_network(weights))
     if features is None:
         features = extract(panorama)
-    kept = features.take(_kept(features, proposals, panorama.rig))
+    largest = np.sort(np.argsort(-features.size_rad, kind="stable")[:_KEYPOINTS])
+    kept = _settled_features(features.take(largest))
     spots = spots_of(proposals, panorama.rig, descriptors_of(proposals, local))
-    return LandmarkRecord(
-        panorama.rig, maker_of(weights), _settled(proposals), _settled_features(kept), spots
-    )
+    return LandmarkRecord(panorama.rig, maker_of(weights), _settled(proposals), kept, spots)
 
 
 def _settled(p: Proposals) -> Proposals:
@@ -130,7 +126,7 @@ def _settled(p: Proposals) -> Proposals:
 def _settled_features(f: Features) -> Features:
     bearing_rad = _ANGLE.settled(wrap_angle_rad(f.bearing_rad))
     slope, size_rad = _SLOPE.settled(f.slope), _SIZE.settled(f.size_rad)
-    return Features(bearing_rad, slope, size_rad, f.descriptors)
+    return Features(bearing_rad, slope, size_rad, _roots(f.descriptors) ** 2)
 
 
 def _unit(whole: NDArray[np.integer]) -> NDArray[np.float32]:
@@ -163,16 +159,9 @@ def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> N
     return np.where(inside, grid[place], -1)
 
 
-def _kept(found: Features, proposals: Proposals, rig: CameraRig) -> NDArray[np.int64]:
-    """Which keypoints a record keeps."""
-    owner = owners(rig, proposals, found)
-    largest_first = np.argsort(-found.size_rad, kind="stable")
-    rank = np.empty(len(found), dtype=np.int64)
-    rank[largest_first] = ranks(owner[largest_first])
-    outside = largest_first[owner[largest_first] < 0][: int(_KEYPOINTS * _OUTSIDE)]
-    own = np.flatnonzero((owner >= 0) & (rank < _EACH))
-    within = own[np.argsort(rank[own], kind="stable")][: _KEYPOINTS - len(outside)]
-    return np.sort(np.concatenate([within, outside]))
+def _roots(descriptors: NDArray[np.uint8]) -> NDArray[np.uint8]:
+    """Descriptors as they are kept, (n, 128): of their square roots 4 bits say enough."""
+    return np.round(np.sqrt(descriptors.astype(np.float32))).clip(0, _COARSEST).astype(np.uint8)
 
 
 def encode_record(record: LandmarkRecord) -> bytes:
@@ -181,10 +170,15 @@ def encode_record(record: LandmarkRecord) -> bytes:
     rows, columns = ROWS // CELL_PX, columns_of(record.rig) // CELL_PX
     grid = np.full(rows * columns, 255, dtype=np.uint8)
     grid[p.cell] = p.owner
+    roots = _roots(f.descriptors)
     arrays = [_whole(name, fixed, getattr(p, name)) for name, fixed in _NUMBERS.items()]
     arrays += [p.kind.astype("<u1"), _LOOK.whole(p.embedding), grid]
     arrays += [_ANGLE.whole(wrap_angle_rad(f.bearing_rad)), _SLOPE.whole(f.slope)]
-    arrays += [_SIZE.whole(f.size_rad), f.descriptors, record.spots.descriptors]
+    arrays += [
+        _SIZE.whole(f.size_rad),
+        roots[:, ::2] << 4 | roots[:, 1::2],
+        record.spots.descriptors,
+    ]
     header = {
         "rig": asdict(record.rig),
         "maker": record.maker,
@@ -228,7 +222,7 @@ def decode_record(blob: bytes) -> LandmarkRecord:
     )  # fmt: skip
     features = Features(
         part["bearing"] * _ANGLE.step, part["slope"] * _SLOPE.step, part["size"] * _SIZE.step,
-        part["descriptors"].astype(np.uint8),
+        part["descriptors"] ** 2,
     )  # fmt: skip
     spots = part["spots"]
     if len(described(proposals)) != len(spots):
@@ -285,7 +279,7 @@ def read_parts(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDA
             "bearing": (_ANGLE.kind, (k,)),
             "slope": (_SLOPE.kind, (k,)),
             "size": (_SIZE.kind, (k,)),
-            "descriptors": ("<u1", (k, 128)),
+            "descriptors": ("<u1", (k, 64)),  # two numbers a byte
             "spots": ("<i1", (s, local)),
         }
         size = sum(np.dtype(kind).itemsize * math.prod(shape) for kind, shape in layout.values())
@@ -302,6 +296,8 @@ def read_parts(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDA
     for name, (kind, shape) in layout.items():
         part[name] = np.frombuffer(body, kind, math.prod(shape), place).reshape(shape)
         place += part[name].nbytes
+    paired = part["descriptors"]
+    part["descriptors"] = np.stack([paired >> 4, paired & _COARSEST], axis=2).reshape(k, 128)
     return header, rig, moved, part
 
 

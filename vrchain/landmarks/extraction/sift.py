@@ -16,7 +16,7 @@ from vrchain.geometry import wrap_angle_rad
 from vrchain.panorama import Panorama
 
 _SEAM_PX = 64  # the cylinder is continued this far, so that keypoints at the seam are whole
-_ROWS_A_PASS = 2048
+_ROWS_A_PASS = 1024
 _AVX2 = 11  # OpenCV's number of it
 
 
@@ -179,29 +179,37 @@ def mutual_matches(
     """
     if min(len(a), len(b)) < 2:
         return np.empty(0, dtype=int), np.empty(0, dtype=int)
+    nearest, clear = _nearest(a, b, ratio)
+    index_a = np.arange(len(a)) if either else np.flatnonzero(clear)
+    asked = np.unique(nearest[index_a])  # few pass: the others need not be asked back
+    back, clear_back = np.full(len(b), -1), np.zeros(len(b), dtype=bool)
+    back[asked], clear_back[asked] = _nearest(b[asked], a, ratio)
+    index_b = nearest[index_a]
+    good = (back[index_b] == index_a) & (clear[index_a] | clear_back[index_b])
+    if not either:
+        good &= clear_back[index_b]
+    return index_a[good], index_b[good]
+
+
+def _nearest(
+    a: NDArray[np.uint8] | NDArray[np.float32],
+    b: NDArray[np.uint8] | NDArray[np.float32],
+    ratio: float,
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """Of each of a the nearest of b, and whether the second nearest is clearly farther."""
     wide_a, wide_b = a.astype(np.float32), b.astype(np.float32)
-    norm_a, norm_b = (wide_a**2).sum(axis=1), (wide_b**2).sum(axis=1)
-    nearest_b = np.empty(len(a), dtype=int)
-    clear_b = np.empty(len(a), dtype=bool)
-    best_a = np.zeros(len(b), dtype=int)
-    first_a, second_a = np.full((2, len(b)), np.inf, dtype=np.float32)
+    norm_a, norm_b = ((wide**2).sum(axis=1) for wide in (wide_a, wide_b))
+    index, clear = np.empty(len(a), dtype=np.int64), np.empty(len(a), dtype=bool)
     for start in range(0, len(a), _ROWS_A_PASS):
         rows = slice(start, start + _ROWS_A_PASS)
         square = wide_a[rows] @ wide_b.T
         square *= -2.0  # in place: new memory takes longer than the sums
-        square += norm_a[rows, None]
         square += norm_b
-        index, first, second = _two_smallest(square)
-        nearest_b[rows], clear_b[rows] = index, first < ratio**2 * second
-        index, first, second = _two_smallest(square.T)
-        better = first < first_a
-        second_a = np.where(better, np.minimum(first_a, second), np.minimum(second_a, first))
-        best_a[better], first_a[better] = index[better] + start, first[better]
-    clear_a = first_a < ratio**2 * second_a
-    index_a = np.arange(len(a))
-    clear = clear_b | clear_a[nearest_b] if either else clear_b & clear_a[nearest_b]
-    mutual = clear & (best_a[nearest_b] == index_a)
-    return index_a[mutual], nearest_b[mutual]
+        index[rows], first, second = _two_smallest(square)
+        first += norm_a[rows]
+        second += norm_a[rows]
+        clear[rows] = first < ratio**2 * second
+    return index, clear
 
 
 def _two_smallest(
@@ -212,6 +220,5 @@ def _two_smallest(
     rows = np.arange(len(square))
     first = square[rows, index].copy()
     square[rows, index] = np.inf
-    second = square.min(axis=1) if square.shape[1] > 1 else np.full(len(square), np.inf, np.float32)
-    square[rows, index] = first
+    second = square.min(axis=1)
     return index, first, second

@@ -4,26 +4,20 @@ Logistic regression on what speaks for a claim. The coefficients are shipped bes
 """
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import minimize
 
 from vrchain.errors import LearnedError
 from vrchain.landmarks.extraction.weights import SHIPPED
-from vrchain.landmarks.matching.epipolar import PlanarGeometry
 
 Array = NDArray[np.float64]
 
-LEAST_CLAIM = 0.3  # score from which claims are heard
-# Claims a proposal, all of them sure, of panoramas joined rightly half the time, and how steeply
-# that chance rises: logistic regression on 955 pairs of seed 1003.
-_FEW, _STEEP = 0.04, 3.4
-_NEAR_HEIGHTS = 20.0  # at shorter distances, in camera heights, each claim counts for less
 _PENALTY = 1e-3
 
 
@@ -38,8 +32,25 @@ class Logistic:
 
     def probability(self, features: Array) -> Array:
         """That claims, (n, features), are right: (n,)."""
-        z = (features - self.mean) / self.spread @ self.weight + self.bias
-        return np.asarray(1 / (1 + np.exp(-z)))
+        return np.asarray(1 / (1 + np.exp(-self.log_odds(features).clip(-500, 500))))
+
+    def log_odds(self, features: Array) -> Array:
+        """The same as log-odds."""
+        return np.asarray((features - self.mean) / self.spread @ self.weight + self.bias)
+
+
+@dataclass(frozen=True, eq=False)
+class Worth:
+    """How likely something is right, by what speaks for it, in one variant.
+
+    poses: a relative pose, by the matches alone; claims: a joined pair of proposals; joined: the
+    pose once claims are made under it; groups: a group of keypoints that agree on it.
+    """
+
+    poses: Logistic
+    claims: Logistic
+    joined: Logistic
+    groups: Logistic
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,12 +58,18 @@ class Calibration:
     """What cosines and claims of a network are worth.
 
     alike_scale: log-odds of being the same landmark a unit of cosine; alike_even: the cosine at
-    which appearance alone says neither yes nor no; claims: by variant, how likely a claim is right.
+    which appearance alone says neither yes nor no; worth: by variant.
     """
 
     alike_scale: float
     alike_even: float
-    claims: dict[str, Logistic]
+    worth: dict[str, Worth] = field(default_factory=dict)
+
+    def of(self, variant: str) -> Worth:
+        """What is known of a variant. LearnedError if nothing is."""
+        if variant not in self.worth:
+            raise LearnedError(f"no calibration for {variant!r}: there is {', '.join(self.worth)}")
+        return self.worth[variant]
 
     def appearance(self, cosine: NDArray[np.floating]) -> Array:
         """Log-likelihood ratio of being the same landmark, by appearance alone, of cosines."""
@@ -84,28 +101,16 @@ def expected_calibration_error(score: Array, right: NDArray[np.bool_], bins: int
     return float(np.sum(gaps))
 
 
-def chance_joined(scores: ArrayLike, n_proposals: int, geometry: PlanarGeometry | None) -> float:
-    """The chance that two panoramas were joined rightly, told by all their claims at once.
-
-    Of panoramas far apart, or of two suburbs, a wrong relative pose is sometimes found, and the
-    more proposals there are, the more claims under it; it mostly says that they are near to each
-    other, but then they would have much more in common. scores: of claims from ``LEAST_CLAIM`` on;
-    n_proposals: of the panorama that has fewer.
-    """
-    heights = np.inf if geometry is None else geometry.baseline_heights
-    counted = min(1.0, 0.15 + heights / _NEAR_HEIGHTS) if np.isfinite(heights) else 1.0
-    speaks = counted * float((np.asarray(scores, dtype=float) ** 2).sum())
-    few = max(_FEW * n_proposals, 1e-9)
-    return float(1.0 / (1.0 + (few / speaks) ** _STEEP)) if speaks > 0 else 0.0
-
-
 def to_json(calibration: Calibration) -> dict[str, Any]:
     """The calibration as numbers and lists."""
-    claims = {
-        name: {key: np.asarray(value).tolist() for key, value in vars(logistic).items()}
-        for name, logistic in calibration.claims.items()
+    worth = {
+        name: {
+            what: {key: np.asarray(value).tolist() for key, value in vars(logistic).items()}
+            for what, logistic in vars(one).items()
+        }
+        for name, one in calibration.worth.items()
     }
-    return {**vars(calibration), "claims": claims}
+    return {**vars(calibration), "worth": worth}
 
 
 @lru_cache(maxsize=4)
@@ -114,8 +119,11 @@ def load_calibration(weights: Path = SHIPPED) -> Calibration:
     file = weights.with_suffix(".json")
     try:
         stored = json.loads(file.read_text(encoding="utf-8"))["calibration"]
-        claims = {name: _logistic(table) for name, table in stored["claims"].items()}
-        return Calibration(float(stored["alike_scale"]), float(stored["alike_even"]), claims)
+        worth = {
+            name: Worth(**{what: _logistic(table) for what, table in tables.items()})
+            for name, tables in stored["worth"].items()
+        }
+        return Calibration(float(stored["alike_scale"]), float(stored["alike_even"]), worth)
     except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
         raise LearnedError(
             f"{file} holds no calibration ({type(error).__name__}): make it by `vrchain train`"

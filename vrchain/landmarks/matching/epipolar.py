@@ -15,7 +15,7 @@ least-squares polish do the rest.
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.seeding import generator
@@ -28,6 +28,7 @@ Matches = tuple[Array, Array, Array, Array]
 _SAMPLES, _AT_ONCE = 800, 100
 _MISSED = 1e-4  # probability that no sample yet held two right matches, at which it is enough
 _HEARD, _LIKELY = 300, 40  # matches that choose the likely ones of all hypotheses, and how many
+_SEVERAL, _SAME_RAD = 200, 0.1  # the same where several are asked for; hypotheses that are one
 _TOLERANCE_RAD = 0.005  # about three pixels of a 640-pixel, 60-degree view
 _PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
 _POLISH_STEPS = 5
@@ -69,10 +70,15 @@ class PlanarGeometry:
             return np.inf, np.inf
         return abs(float(np.sin(db) / parallax)), abs(float(np.sin(da) / parallax))
 
+    def near(self, other: "PlanarGeometry", within_rad: float = _SAME_RAD / 2) -> bool:
+        """Whether another is of about the same direction and heading."""
+        turned = wrap_angle_rad(self.heading_rad - other.heading_rad)
+        aside = wrap_angle_rad(self.direction_rad - other.direction_rad)
+        return bool(max(abs(turned), abs(aside)) < within_rad)
+
     def obeyed(self, a: Array, b: Array, tolerance_rad: float) -> NDArray[np.bool_]:
         """Which matches, directions (n, 2) from A and from B, may show one point: (n,)."""
-        theta = np.array([self.direction_rad])
-        return _inliers(theta, theta - self.heading_rad, _matches(a, b), tolerance_rad)[0]
+        return obeyed([self.direction_rad], [self.heading_rad], a, b, tolerance_rad)[0]
 
 
 def estimate(
@@ -82,14 +88,54 @@ def estimate(
 
     a, b: (m, 2) bearing_rad and slope of each match from A and from B.
     """
+    found = hypotheses(a, b, 1, min_inliers, tolerance_rad)
+    return found[0] if found else None
+
+
+def hypotheses(
+    a: Array, b: Array, most: int, min_inliers: int = 8, tolerance_rad: float = _TOLERANCE_RAD
+) -> list[PlanarGeometry]:
+    """The geometries that most matches obey, at most so many, none near a better one.
+
+    By what ``estimate`` is given. The first is its answer.
+    """
     if len(a) < max(2, min_inliers):
-        return None
+        return []
     matches = _matches(a, b)
-    likely = _likely(matches, tolerance_rad)
-    if len(likely) == 0:
-        return None
+    likely = _likely(matches, tolerance_rad, _LIKELY if most == 1 else _SEVERAL)
     counts = _inliers(likely[:, 0], likely[:, 1], matches, tolerance_rad).sum(axis=1)
-    angles = likely[counts.argmax()]
+    tried: list[Array] = []
+    found: list[PlanarGeometry] = []
+    for angles in likely[np.argsort(-counts, kind="stable")]:
+        if len(tried) == most:
+            break
+        if any(_near(angles, other) for other in tried):
+            continue
+        tried.append(angles)
+        geometry = _polished(angles, matches, min_inliers, tolerance_rad)
+        if geometry is not None and not any(geometry.near(other) for other in found):
+            found.append(geometry)
+    return found
+
+
+def obeyed(
+    direction_rad: ArrayLike, heading_rad: ArrayLike, a: Array, b: Array, tolerance_rad: float
+) -> NDArray[np.bool_]:
+    """Which matches, (m, 2) from A and from B, may show one point, under each pose (k,): (k, m)."""
+    theta = np.asarray(direction_rad, dtype=float)
+    return _inliers(theta, theta - np.asarray(heading_rad), _matches(a, b), tolerance_rad)
+
+
+def _near(one: Array, other: Array) -> bool:
+    """Whether two hypotheses (theta, psi) are of about one direction and heading."""
+    theta, psi = wrap_angle_rad(one - other)
+    return bool(abs(theta) < _SAME_RAD and abs(wrap_angle_rad(theta - psi)) < _SAME_RAD)
+
+
+def _polished(
+    angles: Array, matches: Matches, min_inliers: int, tolerance_rad: float
+) -> PlanarGeometry | None:
+    """The geometry at a hypothesis (theta, psi), by least squares; None: too few obey it."""
     std_rad = np.inf
     for _ in range(_POLISH_STEPS):
         inliers = _inliers(angles[:1], angles[1:], matches, tolerance_rad)[0]
@@ -110,8 +156,8 @@ def _matches(a: Array, b: Array) -> Matches:
     return alpha, t_a, beta, t_b
 
 
-def _likely(matches: Matches, tolerance_rad: float) -> Array:
-    """The hypotheses (theta, psi), (k, 2), that most of some matches obey.
+def _likely(matches: Matches, tolerance_rad: float, most: int) -> Array:
+    """The hypotheses (theta, psi), (k, 2), that most of some matches obey, at most so many.
 
     Where many matches are right, few hypotheses are enough (Fischler and Bolles, equation 3).
     """
@@ -124,7 +170,7 @@ def _likely(matches: Matches, tolerance_rad: float) -> Array:
     heard = generator(0, "heard", n).permutation(n)[:_HEARD]
     # narrow numbers are exact enough to choose by
     alpha, t_a, beta, t_b = (x[heard].astype(np.float32) for x in matches)
-    hypotheses, counts = np.empty((0, 2)), np.empty(0, dtype=np.int64)
+    drawn, counts = np.empty((0, 2)), np.empty(0, dtype=np.int64)
     for some in np.split(pairs, range(_AT_ONCE, len(pairs), _AT_ONCE)):
         theta, psi = _from_two(a[some], b[some])
         half = len(theta) // 2  # the other half are the opposites
@@ -133,12 +179,22 @@ def _likely(matches: Matches, tolerance_rad: float) -> Array:
             for bearing, angle in ((alpha, theta), (beta, psi))
         )
         ways = _either_way(sin_a, cos_a, t_a, sin_b, cos_b, t_b, tolerance_rad)
-        hypotheses = np.concatenate([hypotheses, np.column_stack([theta, psi])])
+        drawn = np.concatenate([drawn, np.column_stack([theta, psi])])
         counts = np.concatenate([counts, *(way.sum(axis=1) for way in ways)])
         share = counts.max(initial=0) / len(heard)
-        if (1 - share**2) ** (len(hypotheses) / 4) < _MISSED:
+        if (1 - share**2) ** (len(drawn) / 4) < _MISSED:
             break
-    return hypotheses[np.argsort(-counts, kind="stable")[:_LIKELY]]
+    return drawn[np.argsort(-counts, kind="stable")[:most]]
+
+
+def baseline_by_ground(geometry: PlanarGeometry, a: Array, b: Array) -> float:
+    """The distance from A to B in heights of the cameras, by matches that obey the geometry.
+
+    a, b: (m, 2) directions. NaN if too little of the ground was matched.
+    """
+    alpha, t_a, beta, _ = _matches(a, b)
+    da, db = alpha - geometry.direction_rad, beta - geometry.direction_rad + geometry.heading_rad
+    return _baseline_heights(da, t_a, db)
 
 
 def _baseline_heights(da: Array, t_a: Array, db: Array) -> float:

@@ -1,29 +1,32 @@
 """Common landmarks by appearance and by where they stand; with SIFT, or without.
 
-Proposals of the two panoramas are joined by ``constellation``. Keypoints and spots that match
-obey one relative pose and say it more exactly. Under it they are matched again inside joined
-proposals. Each joined pair is a claim, scored by the probability that it is right.
+Matched keypoints and spots speak for several relative poses (``poses``). Under each of the
+likeliest, proposals are joined by ``constellation``, and keypoints and spots are matched again
+inside joined proposals. The pose whose claims speak most is kept, if it is likely to be right. Each
+joined pair is a claim, scored by the probability that it is right; and so is each group of
+keypoints that agree on the pose where nothing was proposed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError
-from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import Proposals, overlaps
-from vrchain.landmarks.extraction.raster import directions_of
 from vrchain.landmarks.extraction.record import LandmarkRecord, owners
 from vrchain.landmarks.extraction.sift import mutual_matches
-from vrchain.landmarks.matching.calibration import (
-    LEAST_CLAIM,
-    Calibration,
-    chance_joined,
-    load_calibration,
+from vrchain.landmarks.matching.calibration import Calibration, load_calibration
+from vrchain.landmarks.matching.claims import (
+    CLAIM_SIGNS,
+    Candidates,
+    claims_of,
+    claims_of_groups,
+    distinct,
+    group_signs,
+    grouped,
 )
-from vrchain.landmarks.matching.common import CommonLandmark, Comparison, Region, view_boxes
+from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.constellation import (
     Constellation,
     by_appearance,
@@ -31,27 +34,32 @@ from vrchain.landmarks.matching.constellation import (
     join_along,
     one_to_one,
 )
-from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
+from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.landmarks.matching.guided import (
     NO_MATCH,
     Matched,
     by_owner,
     keypoints_within,
-    spots_anywhere,
     spots_within,
+)
+from vrchain.landmarks.matching.poses import (
+    Matches,
+    PoseHypothesis,
+    matches_of,
+    pose_hypotheses,
 )
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
 
-_LARGEST, _RATIO_ANYWHERE = 700, 0.8  # keypoints that are matched all over, and their ratio test
-_RATIO = 0.85  # of the ratio test within a pair
-_TOLERANCE_RAD = 0.008  # of keypoints and spots that are matched all over, under one relative pose
-_MIN_INLIERS = 8
-_SURE_INLIERS = 60  # from which the relative pose that they agree on is beyond doubt
-_AGREE_RAD = 0.2  # what fewer agree on must be this near to what proposals say
+_RATIO = 0.85  # of the ratio test within a pair, where no pose is known
+_TOLERANCE_RAD = 0.008  # of spots under one relative pose
 _NO_SPOTS = 0.5  # how much it speaks against a pair that it shares no spot, in log-odds
-_SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
+_POSES, _LESS_LIKELY = 3, 3.0  # relative poses whose claims are made; log-odds below the likeliest
+_NO_POSE = -8.0  # log-odds of a pose that no matches speak for; and of any, at most as far from 0
+_SAME_RAD, _TYPICAL_HEIGHTS = 0.2, 20.0  # poses that are no rivals; a distance that is not known
+JOINED_SIGNS = 6  # numbers that speak for a pose once claims are made under it
+_HEARD = 0.3  # score from which claims are heard when the pose is judged
 
 
 @dataclass(frozen=True)
@@ -66,12 +74,16 @@ class JointConfig:
     min_joined: float = 0.5  # nor any of panoramas less likely than this to be joined rightly
 
     @property
+    def verified(self) -> bool:
+        """Whether matches take part."""
+        return self.sift or self.spots
+
+    @property
     def name(self) -> str:
         """What tables call it."""
-        verified = self.sift or self.spots
-        parts = [*(("sift", "spots") if verified else ()), "embedding", "geometry"]
+        parts = [*(("sift", "spots") if self.verified else ()), "embedding", "geometry"]
         left_out = [part for part in parts if not getattr(self, part)]
-        return ", no ".join(["cnn+sift" if verified else "cnn", *left_out])
+        return ", no ".join(["cnn+sift" if self.verified else "cnn", *left_out])
 
 
 JOINT = {
@@ -106,79 +118,154 @@ def compare_joint(
             raise ImageError(f"expected two landmark records of one {what}, got {one} and {other}")
     config = config or JointConfig()
     calibration = calibration or load_calibration()
-    found = candidates(a, b, config, calibration)
-    if found is None:
+    worth = calibration.of(config.name)
+    options = list(candidates(a, b, config, calibration))
+    if not options:
         return Comparison((), None)
-    worth = calibration.claims[config.name]
-    score = worth.probability(found.features)
-    own = distinct(a, b, found.pairs, score)
-    heard = [score[k] for k in own if score[k] >= LEAST_CLAIM]
-    few = min(len(a.proposals), len(b.proposals))
-    chance = chance_joined(heard, few, found.geometry)
+    scores = [worth.claims.probability(found.features) for found in options]
+    owns = [
+        distinct(a, b, found.pairs, score) for found, score in zip(options, scores, strict=True)
+    ]
+    claimed = [score[own] for score, own in zip(scores, owns, strict=True)]
+    chances = worth.joined.probability(joined_signs(a, b, options, claimed))
+    best = int(chances.argmax())
+    found, own, score, chance = options[best], owns[best], scores[best], float(chances[best])
     if chance < config.min_joined:
         return Comparison((), found.geometry, chance)
-    chosen = [k for k in own if score[k] >= config.min_score]
-    return Comparison(tuple(claims_of(a, b, found, chosen, score)), found.geometry, chance)
+    made = claims_of(a, b, found, [k for k in own if score[k] >= config.min_score], score)
+    groups = grouped(a, b, found, made)
+    sure = worth.groups.probability(group_signs(groups, chance))
+    made += claims_of_groups(a, b, groups, sure, config.min_score)
+    return Comparison(tuple(sorted(made, key=lambda c: -c.score)), found.geometry, chance)
 
 
-@dataclass(frozen=True, eq=False)
-class Candidates:
-    """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints and spots.
+def joined_signs(
+    a: LandmarkRecord, b: LandmarkRecord, options: Sequence[Candidates], scores: Sequence[Array]
+) -> Array:
+    """What speaks for each pose being right, once claims are made: (k, JOINED_SIGNS).
 
-    geometry: the relative pose; None where places took no part.
+    scores: of each pose's claims. Of panoramas that share nothing, chance mostly finds poses near
+    to each other; those would have more in common, so the distance counts too.
     """
+    few = max(1, min(len(a.proposals), len(b.proposals)))
+    likely = np.array([found.pose_log_odds for found in options])
+    speaks = np.array([(score[score >= _HEARD] ** 2).sum() for score in scores])
+    heights = np.array([f.geometry.baseline_heights if f.geometry else np.nan for f in options])
+    heights = np.where(np.isfinite(heights), heights, _TYPICAL_HEIGHTS)
+    rivals = ~np.array([[_near(one, other) for other in options] for one in options])
 
-    pairs: NDArray[np.int64]
-    features: Array
-    support: list[Matched]
-    spots: list[Matched]
-    geometry: PlanarGeometry | None
+    def lead(values: Array) -> Array:
+        """Over the best of the other poses; infinite where there is none."""
+        return values - np.where(rivals, values[None], -np.inf).max(axis=1)
+
+    return np.column_stack(
+        [
+            likely,
+            np.log(speaks + 0.1),
+            np.log(speaks / few + 0.01),
+            np.log(heights.clip(0.5, 50.0)),
+            lead(likely).clip(-4, 4),
+            lead(np.log(speaks + 0.5)).clip(-2, 2),
+        ]
+    )
+
+
+def _near(one: Candidates, other: Candidates) -> bool:
+    """Whether two poses are nearly the same."""
+    if one.geometry is None or other.geometry is None:
+        return one is other
+    return one.geometry.near(other.geometry, _SAME_RAD)
 
 
 def candidates(
     a: LandmarkRecord, b: LandmarkRecord, config: JointConfig, calibration: Calibration
-) -> Candidates | None:
-    """What may be claimed of two panoramas, before it is scored; None: nothing."""
+) -> Iterator[Candidates]:
+    """What may be claimed of two panoramas, before it is scored, under each likely pose."""
     appearance = np.zeros((len(a.proposals), len(b.proposals)))
     if config.embedding:
         appearance = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
-    anywhere = np.zeros(appearance.shape)
-    joined: Constellation | None = by_appearance(appearance)
-    geometry = exact = None
-    if config.geometry:
-        spots = spots_anywhere(a.spots, b.spots) if config.spots else NO_MATCH
-        exact = _exact(a, b, spots, config)
-        sure = exact is not None and exact.inliers.sum() >= _SURE_INLIERS
-        own = a.proposals, b.proposals, appearance
-        if exact and sure:
-            joined = join_along(exact.direction_rad, exact.heading_rad, *own)
-        else:
-            joined = join(*own)
-        if joined is not None:
-            geometry = _geometry_of(joined, a.rig)
-        if geometry and exact and (sure or _agree(exact, geometry)):
-            geometry = exact = replace(exact, baseline_heights=geometry.baseline_heights)
-            anywhere = _shared(a, b, spots, exact)
-        else:
-            exact = None
-    if joined is None:
-        return None
+    if not config.geometry:
+        joined = by_appearance(appearance)
+        yield _candidates(a, b, config, joined, None, Matches(NO_MATCH, NO_MATCH), 0.0)
+        return
+    matches = matches_of(a, b, config.sift, config.spots)
+    posed = pose_hypotheses(a, b, matches) if config.verified else []
+    own = a.proposals, b.proposals, appearance
+    if not posed:
+        rough = join(*own)
+        if rough is not None:
+            likely = _NO_POSE if config.verified else 0.0
+            yield _candidates(a, b, config, rough, None, matches, likely)
+        return
+    for hypothesis, likely in likeliest(posed, config, calibration):
+        exact = hypothesis.geometry
+        joined = join_along(exact.direction_rad, exact.heading_rad, *own)
+        yield _candidates(a, b, config, joined, hypothesis, matches, likely)
+
+
+def likeliest(
+    posed: list[PoseHypothesis], config: JointConfig, calibration: Calibration
+) -> list[tuple[PoseHypothesis, float]]:
+    """The poses worth a closer look, and the log-odds that they are right, likeliest first."""
+    signs = np.stack([p.signs for p in posed])
+    log_odds = calibration.of(config.name).poses.log_odds(signs).clip(_NO_POSE, -_NO_POSE)
+    order = np.argsort(-log_odds, kind="stable")[:_POSES]
+    near = order[log_odds[order] > log_odds[order[0]] - _LESS_LIKELY]
+    return [(posed[k], float(log_odds[k])) for k in near]
+
+
+def _candidates(
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    config: JointConfig,
+    joined: Constellation,
+    posed: PoseHypothesis | None,
+    matches: Matches,
+    likely: float,
+) -> Candidates:
+    """What may be claimed under one pose, which matches speak for, or the constellation alone."""
+    geometry = _geometry_of(joined, a.rig) if config.geometry else None
+    exact = None
+    anywhere = np.zeros(joined.appearance.shape)
     gain = joined.appearance + joined.place
-    if exact and config.spots:
-        gain += np.log1p(anywhere) - _NO_SPOTS
+    if posed is not None and geometry is not None:
+        heights = geometry.baseline_heights
+        geometry = exact = replace(posed.geometry, baseline_heights=heights)
+        if config.spots:
+            anywhere = _shared(a, b, matches.spots, exact)
+            gain = gain + np.log1p(anywhere) - _NO_SPOTS
     pairs = one_to_one(gain)
-    if len(pairs) == 0:
-        return None
-    i, j = pairs.T
-    inside = _inside(a, b, pairs)
     support = [NO_MATCH] * len(pairs)
     within = [(*NO_MATCH, np.empty(0, dtype=np.float32))] * len(pairs)
+    inside = _inside(a, b, pairs) if config.sift else []
     if exact and config.sift:
         support = keypoints_within(a.features, b.features, inside, exact)
     elif config.sift and not config.geometry:
         support = [_matched(a, b, own, _RATIO) for own in inside]
-    if exact and config.spots:
+    if exact and config.spots and len(pairs):
         within = spots_within(a.spots, b.spots, pairs, exact)
+    features = _features(a, b, joined, gain, pairs, support, within, anywhere, likely)
+    return Candidates(
+        pairs, features, support, [(w[0], w[1]) for w in within], geometry, likely, joined.evidence,
+        posed.keypoints if posed else NO_MATCH,
+    )  # fmt: skip
+
+
+def _features(
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    joined: Constellation,
+    gain: Array,
+    pairs: NDArray[np.int64],
+    support: list[Matched],
+    within: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]],
+    anywhere: Array,
+    likely: float,
+) -> Array:
+    """What speaks for each joined pair: (n, CLAIM_SIGNS)."""
+    i, j = pairs.T
+    if len(pairs) == 0:
+        return np.empty((0, CLAIM_SIGNS))
     rivals = gain.copy()
     rivals[i, j] = -np.inf
     rival = np.maximum(rivals[i].max(axis=1), rivals[:, j].max(axis=0)).clip(-30, 30)
@@ -186,7 +273,7 @@ def candidates(
     held_a, held_b = (
         np.bincount(r.spots.owner, minlength=len(r.proposals))[k] for r, k in ((a, i), (b, j))
     )
-    features = np.column_stack(
+    return np.column_stack(
         [
             joined.appearance[i, j].clip(-10, 10),
             joined.place[i, j].clip(-10, 10),
@@ -203,29 +290,9 @@ def candidates(
             np.log1p(anywhere[i, j]),
             anywhere[i, j] / np.maximum(anywhere.sum(axis=1)[i], 1),
             anywhere[i, j] / np.maximum(anywhere.sum(axis=0)[j], 1),
-            np.full(len(pairs), np.log1p(int(exact.inliers.sum()) if exact else 0)),
+            np.full(len(pairs), likely),
         ]
     )
-    return Candidates(pairs, features, support, [(w[0], w[1]) for w in within], geometry)
-
-
-def distinct(
-    a: LandmarkRecord, b: LandmarkRecord, pairs: NDArray[np.int64], score: Array
-) -> list[int]:
-    """Which of the pairs (n, 2) stay, surest first: none overlaps with a surer one in A or in B.
-
-    A landmark is proposed whole and in pieces; one claim of it is enough, and the others are worse.
-    """
-    same = np.zeros((len(pairs), len(pairs)), dtype=bool)
-    for record, index in zip((a, b), pairs.T, strict=True):
-        right, left, low, high = record.proposals.box[index].T
-        boxes = np.stack([-left, -high, -right, -low], axis=1)
-        same |= overlaps(boxes, boxes, 2 * np.pi) > _SAME_BOX
-    kept: list[int] = []
-    for k in map(int, np.argsort(-score, kind="stable")):
-        if not same[k, kept].any():
-            kept.append(k)
-    return kept
 
 
 def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:
@@ -256,21 +323,6 @@ def _matched(a: LandmarkRecord, b: LandmarkRecord, own: Matched, ratio: float) -
     return own[0][ia], own[1][ib]
 
 
-def _exact(
-    a: LandmarkRecord, b: LandmarkRecord, spots: Matched, config: JointConfig
-) -> PlanarGeometry | None:
-    """The relative pose by matched spots and keypoints, of which the largest say most."""
-    keypoints = NO_MATCH
-    if config.sift:
-        of_a, of_b = (np.argsort(-r.features.size_rad, kind="stable")[:_LARGEST] for r in (a, b))
-        keypoints = _matched(a, b, (of_a, of_b), _RATIO_ANYWHERE)
-    seen_a, seen_b = (
-        np.concatenate([r.features.directions[own], r.spots.directions[of_spots]])
-        for r, own, of_spots in zip((a, b), keypoints, spots, strict=True)
-    )
-    return estimate(seen_a, seen_b, _MIN_INLIERS, _TOLERANCE_RAD)
-
-
 def _shared(a: LandmarkRecord, b: LandmarkRecord, spots: Matched, exact: PlanarGeometry) -> Array:
     """How many matched spots obey the relative pose, by the proposals they lie in: (n_a, n_b)."""
     seen_a, seen_b = a.spots.take(spots[0]), b.spots.take(spots[1])
@@ -278,47 +330,3 @@ def _shared(a: LandmarkRecord, b: LandmarkRecord, spots: Matched, exact: PlanarG
     found = np.zeros((len(a.proposals), len(b.proposals)))
     np.add.at(found, (seen_a.owner[good], seen_b.owner[good]), 1)
     return found
-
-
-def _agree(exact: PlanarGeometry, rough: PlanarGeometry) -> bool:
-    turned = abs(float(wrap_angle_rad(exact.heading_rad - rough.heading_rad)))
-    aside = abs(float(wrap_angle_rad(exact.direction_rad - rough.direction_rad)))
-    return turned < _AGREE_RAD and aside < _AGREE_RAD + 3 * rough.direction_std_rad
-
-
-def claims_of(
-    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, chosen: Sequence[int], score: Array
-) -> list[CommonLandmark]:
-    """The claims of the chosen pairs; score: (n,) that each of all pairs is right."""
-    own = found.pairs[list(chosen)]
-    regions = (regions_of(r.proposals, k, r.rig) for r, k in zip((a, b), own.T, strict=True))
-    made = []
-    for k, (i, j), region_a, region_b in zip(chosen, own.tolist(), *regions, strict=True):
-        bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
-        (support_a, support_b), (spots_a, spots_b) = found.support[k], found.spots[k]
-        ranges = found.geometry.ranges(*bearings) if found.geometry else None
-        masks = _spoken_for(a, i, spots_a, support_a), _spoken_for(b, j, spots_b, support_b)
-        regions_k = region_a, region_b, support_a, support_b
-        made.append(CommonLandmark(float(score[k]), *regions_k, ranges, *masks, len(spots_a)))
-    return made
-
-
-def _spoken_for(
-    own: LandmarkRecord, index: int, spots: NDArray[np.int64], keypoints: NDArray[np.int64]
-) -> Array:
-    """Directions of what matches; where nothing does, of all that the proposal covers."""
-    if len(spots) + len(keypoints) == 0:
-        return mask_of(own.proposals, index, own.rig)
-    return np.concatenate([own.spots.directions[spots], own.features.directions[keypoints]])
-
-
-def regions_of(proposals: Proposals, index: NDArray[np.int64], rig: CameraRig) -> list[Region]:
-    """The regions of proposals (n,), each in the view that looks at it most directly."""
-    right, left, low, high = proposals.box[index].T
-    return view_boxes(np.stack([(left + right) / 2, left - right, low, high], axis=1), rig)
-
-
-def mask_of(proposals: Proposals, index: int, rig: CameraRig) -> Array:
-    """Directions of a proposal's cells, (k, 2) bearing_rad and slope."""
-    cell = proposals.cell[proposals.owner == index]
-    return np.column_stack(directions_of(cell, rig))

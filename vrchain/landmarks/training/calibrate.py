@@ -5,25 +5,38 @@ be claimed is judged by ground truth.
 """
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine
-from vrchain.landmarks.matching.calibration import Calibration, fit
-from vrchain.landmarks.matching.common import Comparison
-from vrchain.landmarks.matching.joint import (
-    JOINT,
+from vrchain.landmarks.matching.calibration import Calibration, Logistic, Worth, fit
+from vrchain.landmarks.matching.claims import (
+    CLAIM_SIGNS,
+    GROUP_SIGNS,
     Candidates,
-    candidates,
     claims_of,
+    claims_of_groups,
     distinct,
+    group_signs,
+    grouped,
     mask_of,
 )
+from vrchain.landmarks.matching.common import CommonLandmark, Comparison
+from vrchain.landmarks.matching.epipolar import PlanarGeometry
+from vrchain.landmarks.matching.joint import (
+    JOINED_SIGNS,
+    JOINT,
+    JointConfig,
+    candidates,
+    joined_signs,
+)
+from vrchain.landmarks.matching.poses import SIGNS, PoseHypothesis, matches_of, pose_hypotheses
 from vrchain.landmarks.quality import Verdict, judge
 from vrchain.landmarks.training.examples import varied_suburb
 from vrchain.panorama import CameraRig
@@ -35,6 +48,8 @@ Array = NDArray[np.float64]
 
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000
+_POSE_WITHIN_DEG = 10.0, 5.0  # direction and heading of a pose that counts as right
+_SUREST, _MOSTLY = 5, 0.5  # claims, and the share of them that is right, without a pose to judge
 
 
 @dataclass(frozen=True)
@@ -58,44 +73,127 @@ class Sight:
     shows: NDArray[np.int64]
 
 
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """Two sights and what is true of them; truth is None where they share nothing."""
+
+    truth: GroundTruth | None
+    a: Sight
+    b: Sight
+
+    def pose_right(self, geometry: PlanarGeometry | None) -> bool:
+        """Whether a relative pose is near the true one."""
+        if self.truth is None or geometry is None:
+            return False
+        direction = geometry.direction_rad - self.a.pose.bearing_to_rad(self.b.pose.xy_m)
+        heading = geometry.heading_rad - (self.b.pose.yaw_rad - self.a.pose.yaw_rad)
+        off = np.degrees(np.abs(wrap_angle_rad(np.array([direction, heading]))))
+        return bool((off < _POSE_WITHIN_DEG).all())
+
+    def verdicts(self, claims: list[CommonLandmark]) -> list[Verdict] | None:
+        """Of claims that are made of the two; None: they share nothing."""
+        if self.truth is None:
+            return None
+        records = self.a.record, self.b.record
+        features = records[0].features, records[1].features
+        found = Comparison(tuple(claims), None)
+        return judge(found, self.truth, (self.a.pose, self.b.pose), features, records[0].rig)
+
+
 def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
     """The calibration of a weights file."""
-    pairs, strangers = [], []
+    asked: list[Asked] = []
+    firsts = []
     for k in tqdm(range(config.suburbs), desc="suburbs to weigh by", unit="", disable=None):
         scene = varied_suburb(config.seed, k)
         truth = GroundTruth(scene)
         found = list(_sights(scene, truth, weights, config, k))
-        pairs += [(truth, a, b) for a, b in found]
-        strangers += [found[0][0], found[1][0]]
-    scale, even = _worth_of_appearance([(a, b) for _, a, b in pairs])
-    rough = Calibration(scale, even, {})
-    elsewhere = zip(strangers[:-2], strangers[2:], strict=True)
-    asked: list[tuple[GroundTruth | None, Sight, Sight]] = [*pairs]
-    asked += [(None, one, other) for one, other in elsewhere]
-    claims = {}
+        asked += [Asked(truth, a, b) for a, b in found]
+        firsts += [found[0][0], found[1][0]]
+    asked += [Asked(None, a, b) for a, b in zip(firsts[:-2], firsts[2:], strict=True)]
+    return weigh(asked)
+
+
+def weigh(asked: list[Asked]) -> Calibration:
+    """The calibration by pairs of which the truth is known."""
+    known = [(one.a, one.b) for one in asked if one.truth is not None]
+    calibration = Calibration(*_worth_of_appearance(known))
     for joint in JOINT.values():
-        weighed = []
-        for known, a, b in tqdm(asked, desc=joint.name, unit="", disable=None):
-            joined = candidates(a.record, b.record, joint, rough)
-            if joined is not None:
-                verdicts = _verdicts(known, a, b, joined) if known else None
-                weighed.append(_Weighed(a.record, b.record, joined, verdicts))
-        first = fit(np.concatenate([w.found.features for w in weighed]),
-                    np.concatenate([w.right for w in weighed]))  # fmt: skip
-        kept = [w.distinct(first.probability(w.found.features)) for w in weighed]
-        claims[joint.name] = fit(
-            np.concatenate([w.found.features[k] for w, k in zip(weighed, kept, strict=True)]),
-            np.concatenate([w.right[k] for w, k in zip(weighed, kept, strict=True)]),
-        )
-    return Calibration(scale, even, claims)
+        calibration.worth[joint.name] = _worth_of(joint, asked, calibration)
+    return calibration
+
+
+def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) -> Worth:
+    """How likely poses, claims and groups of one variant are right, one resting on the other."""
+    bar = partial(tqdm, asked, unit="", disable=None)
+    worth = Worth(*[_even(n) for n in (len(SIGNS), CLAIM_SIGNS, JOINED_SIGNS, GROUP_SIGNS)])
+    if joint.verified and joint.geometry:
+        posed = [
+            (one, hypothesis)
+            for one in bar(desc=f"{joint.name}: poses")
+            for hypothesis in _hypotheses(one, joint)
+        ]
+        known = np.stack([hypothesis.signs for _, hypothesis in posed])
+        right = np.array([one.pose_right(hypothesis.geometry) for one, hypothesis in posed])
+        worth = replace(worth, poses=fit(known, right))
+    rough = replace(calibration, worth={joint.name: worth})
+    options = [
+        [_Weighed(one, found, _verdicts(one, found)) for found in _candidates(one, joint, rough)]
+        for one in bar(desc=f"{joint.name}: claims")
+    ]
+    weighed = [w for of_pair in options for w in of_pair]
+    first = fit(np.concatenate([w.found.features for w in weighed]),
+                np.concatenate([w.right for w in weighed]))  # fmt: skip
+    kept = [w.distinct(first.probability(w.found.features)) for w in weighed]
+    worth = replace(worth, claims=fit(
+        np.concatenate([w.found.features[k] for w, k in zip(weighed, kept, strict=True)]),
+        np.concatenate([w.right[k] for w, k in zip(weighed, kept, strict=True)]),
+    ))  # fmt: skip
+    signs, rightly, made = [], [], []
+    for of_pair in filter(None, options):
+        a, b = of_pair[0].asked.a.record, of_pair[0].asked.b.record
+        scores = [worth.claims.probability(w.found.features) for w in of_pair]
+        chosen = [distinct(a, b, w.found.pairs, s) for w, s in zip(of_pair, scores, strict=True)]
+        claimed = [score[own] for score, own in zip(scores, chosen, strict=True)]
+        signs.append(joined_signs(a, b, [w.found for w in of_pair], claimed))
+        rightly += [
+            w.asked.pose_right(w.found.geometry) if joint.geometry else w.mostly_right(own)
+            for w, own in zip(of_pair, chosen, strict=True)
+        ]
+        made += list(zip(of_pair, scores, chosen, strict=True))
+    worth = replace(worth, joined=fit(np.concatenate(signs), np.array(rightly)))
+    groups, right_groups = [], []
+    chances = worth.joined.probability(np.concatenate(signs))
+    for (w, score, own), chance in zip(made, chances, strict=True):
+        a, b = w.asked.a.record, w.asked.b.record
+        sure = [k for k in own if score[k] >= joint.min_score]
+        members = grouped(a, b, w.found, claims_of(a, b, w.found, sure, score))
+        if chance < joint.min_joined or not members:
+            continue
+        claims = claims_of_groups(a, b, members, np.ones(len(members)), 0.0)
+        verdicts = w.asked.verdicts(claims)
+        groups.append(group_signs(members, float(chance)))
+        right_groups += [v.right for v in verdicts] if verdicts else [False] * len(claims)
+    if groups:
+        worth = replace(worth, groups=fit(np.concatenate(groups), np.array(right_groups)))
+    return worth
+
+
+def _even(n: int) -> Logistic:
+    """What says nothing, of so many signs."""
+    return Logistic(np.zeros(n), np.ones(n), np.zeros(n), 0.0)
+
+
+def _hypotheses(one: Asked, joint: JointConfig) -> list[PoseHypothesis]:
+    a, b = one.a.record, one.b.record
+    return pose_hypotheses(a, b, matches_of(a, b, joint.sift, joint.spots))
 
 
 @dataclass(frozen=True, eq=False)
 class _Weighed:
     """Joined pairs of two panoramas and what truth says of them; None: nothing is right."""
 
-    a: LandmarkRecord
-    b: LandmarkRecord
+    asked: Asked
     found: Candidates
     verdicts: list[Verdict] | None
 
@@ -103,11 +201,15 @@ class _Weighed:
     def right(self) -> NDArray[np.bool_]:
         if self.verdicts is None:
             return np.zeros(len(self.found.pairs), dtype=bool)
-        return np.array([v.right for v in self.verdicts])
+        return np.array([v.right for v in self.verdicts], dtype=bool)
+
+    def mostly_right(self, own: list[int]) -> bool:
+        """Of the surest claims, which take a pose's place where there is none to judge."""
+        return bool(own) and bool(self.right[own[:_SUREST]].mean() > _MOSTLY)
 
     def distinct(self, score: Array) -> NDArray[np.int64]:
         """Those that are claimed, no two of the same objects."""
-        kept = distinct(self.a, self.b, self.found.pairs, score)
+        kept = distinct(self.asked.a.record, self.asked.b.record, self.found.pairs, score)
         if self.verdicts is not None:
             first: dict[tuple[str, str], int] = {}
             for k in kept:
@@ -116,13 +218,13 @@ class _Weighed:
         return np.array(kept, dtype=np.int64)
 
 
-def _verdicts(truth: GroundTruth, a: Sight, b: Sight, found: Candidates) -> list[Verdict]:
+def _candidates(one: Asked, joint: JointConfig, rough: Calibration) -> Iterator[Candidates]:
+    return candidates(one.a.record, one.b.record, joint, rough)
+
+
+def _verdicts(one: Asked, found: Candidates) -> list[Verdict] | None:
     n = len(found.pairs)
-    made = claims_of(a.record, b.record, found, range(n), np.ones(n))
-    return judge(
-        Comparison(tuple(made), found.geometry), truth, (a.pose, b.pose),
-        (a.record.features, b.record.features), a.record.rig,
-    )  # fmt: skip
+    return one.verdicts(claims_of(one.a.record, one.b.record, found, range(n), np.ones(n)))
 
 
 def _worth_of_appearance(pairs: list[tuple[Sight, Sight]]) -> tuple[float, float]:

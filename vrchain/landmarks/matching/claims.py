@@ -1,0 +1,198 @@
+"""Claims of common landmarks: of joined proposals, and of keypoints that agree and lie together."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import circular_mean_rad, wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import Proposals, overlaps
+from vrchain.landmarks.extraction.raster import directions_of
+from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.matching.common import (
+    CommonLandmark,
+    MatchConfig,
+    Region,
+    group_by_nearness,
+    panorama_region,
+    view_boxes,
+)
+from vrchain.landmarks.matching.epipolar import PlanarGeometry, baseline_by_ground
+from vrchain.landmarks.matching.guided import Matched
+from vrchain.panorama import CameraRig
+
+Array = NDArray[np.float64]
+
+_SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
+CLAIM_SIGNS, GROUP_SIGNS = 16, 4  # numbers that speak for a joined pair, and for a group
+_GROUP_RAD, _LEAST = 0.08, 3  # keypoints that lie so near in both belong together; in a group
+_LOWEST_TOP = -0.85  # of a group, in camera heights above the cameras: the ground is at -1
+_FARTHEST = 100.0  # in camera heights: what is farther, or nobody knows how far, is scenery
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints and spots.
+
+    geometry: the relative pose; None where places took no part. pose_log_odds: that it is right, by
+    matches alone, 0 where there are none. evidence: for it, by all proposals. keypoints: the
+    matched ones that obey it, wherever they are.
+    """
+
+    pairs: NDArray[np.int64]
+    features: Array
+    support: list[Matched]
+    spots: list[Matched]
+    geometry: PlanarGeometry | None
+    pose_log_odds: float
+    evidence: float
+    keypoints: Matched
+
+
+def distinct(
+    a: LandmarkRecord, b: LandmarkRecord, pairs: NDArray[np.int64], score: Array
+) -> list[int]:
+    """Which of the pairs (n, 2) stay, surest first: none overlaps with a surer one in A or in B.
+
+    A landmark is proposed whole and in pieces; one claim of it is enough, and the others are worse.
+    """
+    same = np.zeros((len(pairs), len(pairs)), dtype=bool)
+    for record, index in zip((a, b), pairs.T, strict=True):
+        right, left, low, high = record.proposals.box[index].T
+        boxes = np.stack([-left, -high, -right, -low], axis=1)
+        same |= overlaps(boxes, boxes, 2 * np.pi) > _SAME_BOX
+    kept: list[int] = []
+    for k in map(int, np.argsort(-score, kind="stable")):
+        if not same[k, kept].any():
+            kept.append(k)
+    return kept
+
+
+def claims_of(
+    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, chosen: Sequence[int], score: Array
+) -> list[CommonLandmark]:
+    """The claims of the chosen pairs; score: (n,) that each of all pairs is right."""
+    own = found.pairs[list(chosen)]
+    regions = (regions_of(r.proposals, k, r.rig) for r, k in zip((a, b), own.T, strict=True))
+    made = []
+    for k, (i, j), region_a, region_b in zip(chosen, own.tolist(), *regions, strict=True):
+        bearings = float(a.proposals.bearing_rad[i]), float(b.proposals.bearing_rad[j])
+        (support_a, support_b), (spots_a, spots_b) = found.support[k], found.spots[k]
+        ranges = found.geometry.ranges(*bearings) if found.geometry else None
+        masks = _spoken_for(a, i, spots_a, support_a), _spoken_for(b, j, spots_b, support_b)
+        regions_k = region_a, region_b, support_a, support_b
+        made.append(CommonLandmark(float(score[k]), *regions_k, ranges, *masks, len(spots_a)))
+    return made
+
+
+def _spoken_for(
+    own: LandmarkRecord, index: int, spots: NDArray[np.int64], keypoints: NDArray[np.int64]
+) -> Array:
+    """Directions of what matches; where nothing does, of all that the proposal covers."""
+    if len(spots) + len(keypoints) == 0:
+        return mask_of(own.proposals, index, own.rig)
+    return np.concatenate([own.spots.directions[spots], own.features.directions[keypoints]])
+
+
+def regions_of(proposals: Proposals, index: NDArray[np.int64], rig: CameraRig) -> list[Region]:
+    """The regions of proposals (n,), each in the view that looks at it most directly."""
+    right, left, low, high = proposals.box[index].T
+    return view_boxes(np.stack([(left + right) / 2, left - right, low, high], axis=1), rig)
+
+
+def mask_of(proposals: Proposals, index: int, rig: CameraRig) -> Array:
+    """Directions of a proposal's cells, (k, 2) bearing_rad and slope."""
+    cell = proposals.cell[proposals.owner == index]
+    return np.column_stack(directions_of(cell, rig))
+
+
+@dataclass(frozen=True, eq=False)
+class Group:
+    """Matched keypoints that lie together: their middles' bearings, and ranges from A and from B.
+
+    heights: the larger range, in heights of the cameras. ranges: None where rays hardly meet.
+    """
+
+    keypoints: Matched
+    ranges: tuple[float, float] | None
+    heights: float
+    wide_rad: float
+
+
+def grouped(
+    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, made: Sequence[CommonLandmark]
+) -> list[Group]:
+    """Keypoints that agree on the pose, support no claim made so far, and lie together.
+
+    A group stands up from the ground. How high that is, is told by the lowest of what agrees, or
+    else by the horizon: cameras are upright.
+    """
+    geometry, (index_a, index_b) = found.geometry, found.keypoints
+    if geometry is None or len(index_a) < _LEAST:
+        return []
+    seen_a, seen_b = a.features.take(index_a), b.features.take(index_b)
+    by_ground = baseline_by_ground(geometry, seen_a.directions, seen_b.directions)
+    known = np.isfinite(by_ground)
+    baseline_heights = by_ground if known else geometry.baseline_heights
+    places_a, places_b = (
+        np.column_stack([np.cos(f.bearing_rad), np.sin(f.bearing_rad), f.slope])
+        for f in (seen_a, seen_b)
+    )
+    taken_a, taken_b = (
+        np.concatenate([np.empty(0, np.int64), *(getattr(c, side) for c in made)])
+        for side in ("support_a", "support_b")
+    )
+    free = np.flatnonzero(~(np.isin(index_a, taken_a) | np.isin(index_b, taken_b)))
+    groups = []
+    for members in group_by_nearness(places_a[free], places_b[free], _GROUP_RAD):
+        if len(members) < _LEAST:
+            continue
+        own = free[members]
+        sides = seen_a.take(own), seen_b.take(own)
+        middles = circular_mean_rad(sides[0].bearing_rad), circular_mean_rad(sides[1].bearing_rad)
+        ranges = geometry.ranges(*middles)
+        top = max(s.slope.max() * r for s, r in zip(sides, ranges, strict=True)) * baseline_heights
+        if (
+            (top > _LOWEST_TOP)
+            if known and np.isfinite(ranges).all()
+            else (min(s.slope.max() for s in sides) > MatchConfig.min_slope)
+        ):
+            wide_rad = max(
+                float(np.ptp(wrap_angle_rad(s.bearing_rad - middle)))
+                for s, middle in zip(sides, middles, strict=True)
+            )
+            far = max(ranges)
+            groups.append(Group(
+                (index_a[own], index_b[own]), ranges if far <= MatchConfig.max_range else None,
+                float(far * baseline_heights), wide_rad,
+            ))  # fmt: skip
+    return sorted(groups, key=lambda group: -len(group.keypoints[0]))
+
+
+def group_signs(groups: Sequence[Group], chance: float) -> Array:
+    """What speaks for each: its size, width and range, and the chance of the pose. (n, 4)."""
+    sure = np.clip(chance, 1e-4, 1 - 1e-4)
+    signs = [
+        (np.log(len(g.keypoints[0])), np.log(g.wide_rad + 0.01),
+         np.log(np.clip(np.nan_to_num(g.heights, nan=_FARTHEST), 0.5, _FARTHEST)),
+         np.log(sure / (1 - sure)))
+        for g in groups
+    ]  # fmt: skip
+    return np.array(signs, dtype=float).reshape(len(groups), GROUP_SIGNS)
+
+
+def claims_of_groups(
+    a: LandmarkRecord, b: LandmarkRecord, groups: Sequence[Group], score: Array, min_score: float
+) -> list[CommonLandmark]:
+    """The claims of groups likely enough to be right; score: (n,) of each."""
+    claims = []
+    for group, sure in zip(groups, score.tolist(), strict=True):
+        if sure >= min_score:
+            own_a, own_b = group.keypoints
+            regions = (
+                panorama_region(a.features.take(own_a), a.rig),
+                panorama_region(b.features.take(own_b), b.rig),
+            )
+            claims.append(CommonLandmark(sure, *regions, own_a, own_b, group.ranges))
+    return claims
