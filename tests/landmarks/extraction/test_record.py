@@ -58,6 +58,15 @@ def test_a_record_comes_back_in_its_steps() -> None:
         assert np.array_equal(was, now)
 
 
+def test_of_descriptors_the_rounded_roots_are_kept() -> None:
+    known = record()
+    coded = np.arange(len(known.features) * 128).reshape(-1, 128).astype(np.uint8)
+    told = replace(known, features=replace(known.features, descriptors=coded))
+    again = decode_record(encode_record(told)).features.descriptors
+    assert np.abs(np.sqrt(again.astype(float)) - np.sqrt(coded)).max() <= 1.0
+    assert encode_record(decode_record(encode_record(told))) == encode_record(told)
+
+
 def test_last_bits_are_nothing_to_a_record() -> None:
     """What processors disagree about in float64 is gone in the bytes."""
     known = record()
