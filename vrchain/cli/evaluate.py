@@ -28,6 +28,9 @@ Jobs = Annotated[
     int | None,
     typer.Option(min=1, help="Processes at once; as many as there are cores, at most 4."),
 ]
+Spacing = Annotated[
+    tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
+]
 Output = Annotated[
     Path | None, typer.Option("-o", "--output", metavar="DIR", help="Where results are kept.")
 ]
@@ -37,9 +40,7 @@ Output = Annotated[
 def landmarks(
     spec: SpecOrSuburb = SUBURB,
     pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten in each suburb.")] = 40,
-    spacing: Annotated[
-        tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
-    ] = (1.0, 20.0),
+    spacing: Spacing = (1.0, 20.0),
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; all if none.")
     ] = None,
@@ -65,9 +66,7 @@ def landmarks(
 def degraded(
     spec: SpecOrSuburb = SUBURB,
     pairs: Annotated[int, typer.Option(min=1, help="Pairs of poses, ten in each suburb.")] = 20,
-    spacing: Annotated[
-        tuple[float, float], typer.Option(metavar="MIN MAX", help="Metres between the two.")
-    ] = (1.0, 20.0),
+    spacing: Spacing = (1.0, 20.0),
     variant: Annotated[
         list[str] | None, typer.Option(metavar="V", help="Give one for each; sift, the default.")
     ] = None,

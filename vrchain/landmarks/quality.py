@@ -8,13 +8,15 @@ import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.matching.common import Comparison
+from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.panorama import CameraRig
 from vrchain.world.things.pioneer import FIRST_ID
 from vrchain.world.truth import SKY, GroundTruth
 
+POSE_RIGHT_DEG = 10.0, 5.0  # a pose is right within so much of the direction and of the heading
 CO_VISIBLE_SHARE = 0.2  # of the surface seen in the view that sees fewer, seen from the other too
 _GRID_PX = 4
 _SURFACE_TOLERANCE = 0.01  # of the range: a point is seen if the first hit towards it lies so near
@@ -81,6 +83,16 @@ def judge(
 
 def _each(rig: CameraRig | tuple[CameraRig, CameraRig]) -> tuple[CameraRig, CameraRig]:
     return rig if isinstance(rig, tuple) else (rig, rig)
+
+
+def pose_errors_deg(found: PlanarGeometry | None, a: Pose, b: Pose) -> tuple[float, float]:
+    """By how much the direction from A to B and the heading are wrong; 180 where none is found."""
+    if found is None:
+        return 180.0, 180.0
+    direction = found.direction_rad - a.bearing_to_rad(b.xy_m)
+    heading = found.heading_rad - (b.yaw_rad - a.yaw_rad)
+    off = np.degrees(np.abs(wrap_angle_rad(np.array([direction, heading]))))
+    return float(off[0]), float(off[1])
 
 
 def co_visible(

@@ -42,7 +42,7 @@ def agreed(*clusters: np.ndarray) -> tuple[LandmarkRecord, LandmarkRecord, Candi
     geometry = PlanarGeometry(0.0, 0.4, np.ones(n, dtype=bool), 0.001, 2.0)
     none = np.empty((0, 2), dtype=np.int64), np.empty((0, 16))
     own = np.arange(n), np.arange(n)
-    return a, b, Candidates(*none, [], [], geometry, 3.0, 0.0, own)
+    return a, b, Candidates(*none, [], [], geometry, 3.0, own)
 
 
 FLOOR = tuple(cluster((x, y, 0.0), 4, 0.05) for x, y in ((1, 2), (1.5, -2), (-1, 1.5), (3, 2.5)))

@@ -90,10 +90,7 @@ def evaluate_ways(
         for variant, figures in summarise(*found).items():
             key = {"way": way.name, "variant": variant, "refused": False}
             rows.append(key | {name: figures[name] for name in told})
-    ends = (n for name in FIGURES for n in (name, f"{name}_ci"))
-    table = pd.DataFrame(
-        rows, columns=["way", "variant", "refused", "n_pairs", *ends], dtype=object
-    )
+    table = pd.DataFrame(rows, columns=["way", "variant", "refused", *told], dtype=object)
     return table.where(table.notna(), None)
 
 

@@ -21,7 +21,7 @@ from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.landmarks.degradations import Degradation, unchanged
 from vrchain.experiments.landmarks.pairs import draw_pairs, judged
 from vrchain.experiments.scenes import Scenes
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.sift import Features, mutual_matches
 from vrchain.landmarks.matching.calibration import expected_calibration_error
 from vrchain.landmarks.matching.common import (
@@ -31,9 +31,9 @@ from vrchain.landmarks.matching.common import (
     panorama_region,
     support_score,
 )
-from vrchain.landmarks.matching.epipolar import PlanarGeometry, estimate
+from vrchain.landmarks.matching.epipolar import estimate
 from vrchain.landmarks.matching.variants import DEFAULT, Variant, sift, variant_named
-from vrchain.landmarks.quality import names_in_common
+from vrchain.landmarks.quality import names_in_common, pose_errors_deg
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
 from vrchain.world.render import Renderer
@@ -204,16 +204,6 @@ def regions_given(
         regions = panorama_region(fa.take(own), rig), panorama_region(fb.take(own), rig)
         claims.append(CommonLandmark(support_score(len(own)), *regions, ia[own], ib[own]))
     return Comparison(tuple(sorted(claims, key=lambda c: -c.score)), geometry)
-
-
-def pose_errors_deg(found: PlanarGeometry | None, a: Pose, b: Pose) -> tuple[float, float]:
-    """By how much the direction from A to B and the heading are wrong; 180 where none is found."""
-    if found is None:
-        return 180.0, 180.0
-    direction = found.direction_rad - a.bearing_to_rad(b.xy_m)
-    heading = found.heading_rad - (b.yaw_rad - a.yaw_rad)
-    off = np.degrees(np.abs(wrap_angle_rad(np.array([direction, heading]))))
-    return float(off[0]), float(off[1])
 
 
 def summarise(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, dict[str, object]]:

@@ -21,10 +21,11 @@ import pandas as pd
 from vrchain.errors import ImageError
 from vrchain.experiments.intervals import Bootstrap, or_none, shown
 from vrchain.experiments.kept import kept_each
-from vrchain.experiments.landmarks.precision import looks_of, makers, pose_errors_deg
+from vrchain.experiments.landmarks.precision import looks_of, makers
 from vrchain.files import code_digest, name_of
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.matching.variants import Variant
+from vrchain.landmarks.quality import POSE_RIGHT_DEG, pose_errors_deg
 from vrchain.panorama import read_image
 from vrchain.panorama.sources import from_equirectangular
 
@@ -33,7 +34,6 @@ NEAR_M = 2.5
 BANDS = NEAR, FAR, OTHER_ROOMS, ELSEWHERE = (
     f"same room, up to {NEAR_M:g} m", "same room, beyond", "other rooms", "different places",
 )  # fmt: skip
-RIGHT_DEG = 10.0, 5.0  # a pose is right within so much of the direction and of the heading
 _SUFFIXES = (".jpg", ".jpeg", ".png")
 
 
@@ -206,7 +206,7 @@ def _judged(found: Any, a: Pose | None, b: Pose | None) -> dict[str, object]:
     if pose is None or a is None or b is None:
         return told
     off_deg = pose_errors_deg(pose, a, b)
-    right = all(off <= most for off, most in zip(off_deg, RIGHT_DEG, strict=True))
+    right = all(off <= most for off, most in zip(off_deg, POSE_RIGHT_DEG, strict=True))
     names = ("direction_error_deg", "heading_error_deg")
     return told | {"right": right} | dict(zip(names, off_deg, strict=True))
 

@@ -16,6 +16,7 @@ from vrchain.landmarks.matching.common import (
     Region,
     group_by_nearness,
     panorama_region,
+    places_of,
     view_boxes,
 )
 from vrchain.landmarks.matching.epipolar import PlanarGeometry, baseline_by_ground
@@ -36,8 +37,7 @@ class Candidates:
     """Joined pairs (n, 2), what speaks for each (n, features), their matched keypoints and spots.
 
     geometry: the relative pose; None where places took no part. pose_log_odds: that it is right, by
-    matches alone, 0 where there are none. evidence: for it, by all proposals. keypoints: the
-    matched ones that obey it, wherever they are.
+    matches alone, 0 where there are none. keypoints: the matched ones that obey it, anywhere.
     """
 
     pairs: NDArray[np.int64]
@@ -46,7 +46,6 @@ class Candidates:
     spots: list[Matched]
     geometry: PlanarGeometry | None
     pose_log_odds: float
-    evidence: float
     keypoints: Matched
 
 
@@ -109,9 +108,10 @@ def mask_of(proposals: Proposals, index: int, rig: CameraRig) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """Matched keypoints that lie together: their middles' bearings, and ranges from A and from B.
+    """Matched keypoints that lie together.
 
-    heights: the larger range, in heights of the cameras. ranges: None where rays hardly meet.
+    ranges: from A and from B, in distances between them; None where rays hardly meet. heights: the
+    larger one in heights of the cameras. wide_rad: over how many bearings it extends.
     """
 
     keypoints: Matched
@@ -135,10 +135,7 @@ def grouped(
     by_ground = baseline_by_ground(geometry, seen_a.directions, seen_b.directions)
     known = np.isfinite(by_ground)
     baseline_heights = by_ground if known else geometry.baseline_heights
-    places_a, places_b = (
-        np.column_stack([np.cos(f.bearing_rad), np.sin(f.bearing_rad), f.slope])
-        for f in (seen_a, seen_b)
-    )
+    places_a, places_b = (places_of(f) for f in (seen_a, seen_b))
     taken_a, taken_b = (
         np.concatenate([np.empty(0, np.int64), *(getattr(c, side) for c in made)])
         for side in ("support_a", "support_b")
@@ -152,21 +149,22 @@ def grouped(
         sides = seen_a.take(own), seen_b.take(own)
         middles = circular_mean_rad(sides[0].bearing_rad), circular_mean_rad(sides[1].bearing_rad)
         ranges = geometry.ranges(*middles)
-        top = max(s.slope.max() * r for s, r in zip(sides, ranges, strict=True)) * baseline_heights
-        if (
-            (top > _LOWEST_TOP)
-            if known and np.isfinite(ranges).all()
-            else (min(s.slope.max() for s in sides) > MatchConfig.min_slope)
-        ):
-            wide_rad = max(
-                float(np.ptp(wrap_angle_rad(s.bearing_rad - middle)))
-                for s, middle in zip(sides, middles, strict=True)
-            )
-            far = max(ranges)
-            groups.append(Group(
-                (index_a[own], index_b[own]), ranges if far <= MatchConfig.max_range else None,
-                float(far * baseline_heights), wide_rad,
-            ))  # fmt: skip
+        far, tops = max(ranges), [float(side.slope.max()) for side in sides]
+        if known and np.isfinite(far):
+            reach = max(top * r for top, r in zip(tops, ranges, strict=True)) * by_ground
+            stands = reach > _LOWEST_TOP
+        else:
+            stands = min(tops) > MatchConfig.min_slope
+        if not stands:
+            continue
+        wide_rad = max(
+            float(np.ptp(wrap_angle_rad(side.bearing_rad - middle)))
+            for side, middle in zip(sides, middles, strict=True)
+        )
+        groups.append(Group(
+            (index_a[own], index_b[own]), ranges if far <= MatchConfig.max_range else None,
+            float(far * baseline_heights), wide_rad,
+        ))  # fmt: skip
     return sorted(groups, key=lambda group: -len(group.keypoints[0]))
 
 

@@ -121,10 +121,7 @@ def compare(
     if geometry is None:
         return Comparison((), None)
     inlier = np.flatnonzero(geometry.inliers)
-    places_a, places_b = (
-        np.column_stack([np.cos(f.bearing_rad), np.sin(f.bearing_rad), f.slope])[inlier]
-        for f in (matched_a, matched_b)
-    )
+    places_a, places_b = (places_of(f.take(inlier)) for f in (matched_a, matched_b))
     parallax = matched_b.bearing_rad + geometry.heading_rad - matched_a.bearing_rad
     apart = np.quantile(np.abs(wrap_angle_rad(parallax[inlier])), 0.9) > _STILL_RAD
     claims = []
@@ -169,6 +166,11 @@ def check_not_blank(image_rgb: NDArray[np.uint8], what: str) -> None:
 def support_score(n_matches: int) -> float:
     """How far matches that agree make a claim credible: half at 5, 0.9 at 16."""
     return 1.0 - 0.5 ** (n_matches / 5)
+
+
+def places_of(seen: Features) -> NDArray[np.float64]:
+    """Directions as points on a cylinder, (n, 3), on which nearness knows no seam."""
+    return np.column_stack([np.cos(seen.bearing_rad), np.sin(seen.bearing_rad), seen.slope])
 
 
 def group_by_nearness(

@@ -43,6 +43,7 @@ from vrchain.landmarks.matching.guided import (
     spots_within,
 )
 from vrchain.landmarks.matching.poses import (
+    NO_RIVAL_RAD,
     Matches,
     PoseHypothesis,
     matches_of,
@@ -57,7 +58,7 @@ _TOLERANCE_RAD = 0.008  # of spots under one relative pose
 _NO_SPOTS = 0.5  # how much it speaks against a pair that it shares no spot, in log-odds
 _POSES, _LESS_LIKELY = 3, 3.0  # relative poses whose claims are made; log-odds below the likeliest
 _NO_POSE = -8.0  # log-odds of a pose that no matches speak for; and of any, at most as far from 0
-_SAME_RAD, _TYPICAL_HEIGHTS = 0.2, 20.0  # poses that are no rivals; a distance that is not known
+_TYPICAL_HEIGHTS = 20.0  # a distance that is not known
 JOINED_SIGNS = 6  # numbers that speak for a pose once claims are made under it
 _HEARD = 0.3  # score from which claims are heard when the pose is judged
 
@@ -174,7 +175,7 @@ def _near(one: Candidates, other: Candidates) -> bool:
     """Whether two poses are nearly the same."""
     if one.geometry is None or other.geometry is None:
         return one is other
-    return one.geometry.near(other.geometry, _SAME_RAD)
+    return one.geometry.near(other.geometry, NO_RIVAL_RAD)
 
 
 def candidates(
@@ -246,7 +247,7 @@ def _candidates(
         within = spots_within(a.spots, b.spots, pairs, exact)
     features = _features(a, b, joined, gain, pairs, support, within, anywhere, likely)
     return Candidates(
-        pairs, features, support, [(w[0], w[1]) for w in within], geometry, likely, joined.evidence,
+        pairs, features, support, [(w[0], w[1]) for w in within], geometry, likely,
         posed.keypoints if posed else NO_MATCH,
     )  # fmt: skip
 

@@ -30,7 +30,7 @@ _RANDOM = 48  # poses that tell how many matches obey one by chance
 _FEW = 2.0  # matches that count for nothing, in ratios
 _SECTORS = 24  # of a full turn, over which matches may spread
 _LEAST_STD_RAD = 1e-4
-_SAME_RAD = 0.2  # poses that are no rivals
+NO_RIVAL_RAD = 0.2  # poses that are no rivals
 _SIZE_LOG = 0.4  # by how much keypoints may be larger in B than the way to them tells
 _ALONG = 0.05  # sine of bearings from the baseline, below which that tells nothing
 
@@ -107,7 +107,7 @@ def _signs(
         _obeying(drawn, keypoints, _KEYPOINT_RAD) & _right_size(drawn, keypoints, sizes),
         _obeying(drawn, spots, _SPOT_RAD),
     )
-    rivals = ~np.array([[one.near(other, _SAME_RAD) for other in found] for one in found])
+    rivals = ~np.array([[one.near(other, NO_RIVAL_RAD) for other in found] for one in found])
     counts = sized.sum(axis=1), of_spots.sum(axis=1)
     best_other = (np.where(rivals, count, 0).max(axis=1) for count in counts)
     mean = (chance.sum(axis=1).mean() for chance in by_chance)

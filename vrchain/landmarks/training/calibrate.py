@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from tqdm.auto import tqdm
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine
 from vrchain.landmarks.matching.calibration import Calibration, Logistic, Worth, fit
 from vrchain.landmarks.matching.claims import (
@@ -37,7 +37,7 @@ from vrchain.landmarks.matching.joint import (
     joined_signs,
 )
 from vrchain.landmarks.matching.poses import SIGNS, PoseHypothesis, matches_of, pose_hypotheses
-from vrchain.landmarks.quality import Verdict, judge
+from vrchain.landmarks.quality import POSE_RIGHT_DEG, Verdict, judge, pose_errors_deg
 from vrchain.landmarks.training.examples import varied_suburb
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -48,7 +48,6 @@ Array = NDArray[np.float64]
 
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000
-_POSE_WITHIN_DEG = 10.0, 5.0  # direction and heading of a pose that counts as right
 _SUREST, _MOSTLY = 5, 0.5  # claims, and the share of them that is right, without a pose to judge
 
 
@@ -83,12 +82,8 @@ class Asked:
 
     def pose_right(self, geometry: PlanarGeometry | None) -> bool:
         """Whether a relative pose is near the true one."""
-        if self.truth is None or geometry is None:
-            return False
-        direction = geometry.direction_rad - self.a.pose.bearing_to_rad(self.b.pose.xy_m)
-        heading = geometry.heading_rad - (self.b.pose.yaw_rad - self.a.pose.yaw_rad)
-        off = np.degrees(np.abs(wrap_angle_rad(np.array([direction, heading]))))
-        return bool((off < _POSE_WITHIN_DEG).all())
+        off_deg = pose_errors_deg(geometry, self.a.pose, self.b.pose)
+        return self.truth is not None and bool(np.less(off_deg, POSE_RIGHT_DEG).all())
 
     def verdicts(self, claims: list[CommonLandmark]) -> list[Verdict] | None:
         """Of claims that are made of the two; None: they share nothing."""
@@ -137,8 +132,12 @@ def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) 
         right = np.array([one.pose_right(hypothesis.geometry) for one, hypothesis in posed])
         worth = replace(worth, poses=fit(known, right))
     rough = replace(calibration, worth={joint.name: worth})
+
+    def under(one: Asked) -> Iterator[Candidates]:
+        return candidates(one.a.record, one.b.record, joint, rough)
+
     options = [
-        [_Weighed(one, found, _verdicts(one, found)) for found in _candidates(one, joint, rough)]
+        [_Weighed(one, found, _verdicts(one, found)) for found in under(one)]
         for one in bar(desc=f"{joint.name}: claims")
     ]
     weighed = [w for of_pair in options for w in of_pair]
@@ -166,9 +165,11 @@ def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) 
     chances = worth.joined.probability(np.concatenate(signs))
     for (w, score, own), chance in zip(made, chances, strict=True):
         a, b = w.asked.a.record, w.asked.b.record
+        if chance < joint.min_joined:
+            continue
         sure = [k for k in own if score[k] >= joint.min_score]
         members = grouped(a, b, w.found, claims_of(a, b, w.found, sure, score))
-        if chance < joint.min_joined or not members:
+        if not members:
             continue
         claims = claims_of_groups(a, b, members, np.ones(len(members)), 0.0)
         verdicts = w.asked.verdicts(claims)
@@ -216,10 +217,6 @@ class _Weighed:
                 first.setdefault((self.verdicts[k].object_a, self.verdicts[k].object_b), k)
             kept = list(first.values())
         return np.array(kept, dtype=np.int64)
-
-
-def _candidates(one: Asked, joint: JointConfig, rough: Calibration) -> Iterator[Candidates]:
-    return candidates(one.a.record, one.b.record, joint, rough)
 
 
 def _verdicts(one: Asked, found: Candidates) -> list[Verdict] | None:
