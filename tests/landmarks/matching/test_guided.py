@@ -1,11 +1,14 @@
 """Of what looks alike, only what may be one point matches."""
 
+from dataclasses import replace
+
 import numpy as np
-from sights import two_views
+from sights import descriptors, two_views
 
 from vrchain.geometry import Pose
+from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
-from vrchain.landmarks.matching.guided import matched_under, mutual
+from vrchain.landmarks.matching.guided import keypoints_under, matched_under, mutual
 
 B = Pose(6.0, 2.0, 1.1)
 VIEWS = two_views(B, 60)
@@ -47,3 +50,18 @@ def test_what_is_no_more_alike_than_the_least_and_what_no_pose_allows_does_not_m
     looks = np.eye(60, dtype=np.float32)
     assert len(matched(wrong, [(ALL, ALL)], looks, 0.5)[0][0]) < 6
     assert len(matched(TRUE, [(ALL, ALL)], looks, 1.0)[0][0]) == 0
+
+
+def test_under_a_pose_keypoints_match_that_others_outdo_elsewhere() -> None:
+    known = descriptors(60)
+    range_m = (np.hypot(*(VIEWS.points_m[:, :2] - xy).T) for xy in (np.zeros(2), B.xy_m))
+    a, b = (
+        Features(seen[:, 0], seen[:, 1], 0.3 / away, known)
+        for seen, away in zip((VIEWS.a, VIEWS.b), range_m, strict=True)
+    )
+    ia, ib = keypoints_under(a, b, TRUE)
+    assert len(ia) > 50 and (ia == ib).all()
+    shifted = replace(TRUE, heading_rad=TRUE.heading_rad + 0.5)
+    assert len(keypoints_under(a, b, shifted)[0]) < 10
+    larger = replace(b, size_rad=b.size_rad * 2)  # nothing grows in B alone
+    assert len(keypoints_under(a, larger, TRUE)[0]) < 10

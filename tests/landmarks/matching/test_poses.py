@@ -17,9 +17,10 @@ from vrchain.landmarks.matching.poses import (
     pose_hypotheses,
 )
 from vrchain.panorama import CameraRig
+from vrchain.seeding import generator
 
 THERE = Pose(4.0, 3.0, 0.8)
-OVER_OTHERS = SIGNS.index("keypoints over the best other pose")
+OVER_OTHERS = SIGNS.index("evidence over the best other pose")
 OVER_CHANCE = SIGNS.index("keypoints over chance")
 SIZED = SIGNS.index("keypoints of the right size")
 
@@ -81,6 +82,28 @@ def test_a_pose_that_fewer_obey_is_told_too() -> None:
     assert not any(
         one.geometry.near(other.geometry) for k, one in enumerate(found) for other in found[:k]
     )
+
+
+def test_a_few_clear_matches_outweigh_many_unclear_ones() -> None:
+    """Descriptors of the many have near twins in B, so their ratios are close to the test's."""
+    elsewhere = Pose(-6.0, 1.0, -2.0)
+    few, many = records(two_views(THERE, 40)), records(two_views(elsewhere, 60), name="twin")
+    spread = generator(0, "unclear").integers(-9, 10, (2, *many[0].features.descriptors.shape))
+    near, nearer = (
+        (many[0].features.descriptors + step * share).clip(0, 255).astype(np.uint8)
+        for step, share in zip(spread, (3, 2), strict=True)
+    )
+    twins = replace(many[1], features=replace(many[1].features, descriptors=near))
+    unclear = replace(many[1], features=replace(many[1].features, descriptors=nearer))
+    # the twins stand elsewhere still, and match nothing under any pose
+    turned = replace(twins.features, bearing_rad=wrap_angle_rad(twins.features.bearing_rad + 2.0))
+    a = joined(few[0], many[0])
+    b = joined(few[1], unclear, replace(twins, features=turned))
+    of_few, of_many = (
+        next(p for p in posed(a, b) if is_at(p, pose)) for pose in (THERE, elsewhere)
+    )
+    assert len(of_many.keypoints[0]) > len(of_few.keypoints[0])
+    assert of_few.signs[OVER_OTHERS] > 0 > of_many.signs[OVER_OTHERS]
 
 
 def test_keypoints_that_do_not_look_as_large_as_their_ranges_say_count_for_nothing() -> None:

@@ -35,7 +35,7 @@ from vrchain.panorama import CameraRig, Panorama
 
 Array = NDArray[np.float64]
 
-_KEYPOINTS = 6000  # of a panorama, the largest, at most: poses of far pairs rest on the many small
+_KEYPOINTS = 4000  # of a panorama, the largest, at most: poses of far pairs rest on the many small
 _COARSEST = 15  # of a descriptor's rounded roots, which are kept: 4 bits each
 _MAGIC = b"VRLAND\x00\x04"
 _MAX_BYTES = 4_000_000

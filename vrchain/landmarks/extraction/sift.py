@@ -177,29 +177,38 @@ def mutual_matches(
     ``either``, in one of them. Distances of uint8 descriptors are exact: whole numbers below 2**24
     in float32.
     """
-    if min(len(a), len(b)) < 2:
-        return np.empty(0, dtype=int), np.empty(0, dtype=int)
-    nearest, clear = _nearest(a, b, ratio)
-    index_a = np.arange(len(a)) if either else np.flatnonzero(clear)
-    asked = np.unique(nearest[index_a])  # few pass: the others need not be asked back
-    back, clear_back = np.full(len(b), -1), np.zeros(len(b), dtype=bool)
-    back[asked], clear_back[asked] = _nearest(b[asked], a, ratio)
-    index_b = nearest[index_a]
-    good = (back[index_b] == index_a) & (clear[index_a] | clear_back[index_b])
-    if not either:
-        good &= clear_back[index_b]
-    return index_a[good], index_b[good]
+    return matches_and_ratios(a, b, ratio, either)[:2]
 
 
-def _nearest(
+def matches_and_ratios(
     a: NDArray[np.uint8] | NDArray[np.float32],
     b: NDArray[np.uint8] | NDArray[np.float32],
     ratio: float,
-) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
-    """Of each of a the nearest of b, and whether the second nearest is clearly farther."""
+    either: bool = False,
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]:
+    """The same, and the ratio of each (m,): the larger one of its two directions."""
+    if min(len(a), len(b)) < 2:
+        none = np.empty(0, dtype=np.int64)
+        return none, none, np.empty(0, dtype=np.float32)
+    nearest, of_a = _nearest(a, b)
+    index_a = np.arange(len(a)) if either else np.flatnonzero(of_a < ratio)
+    asked = np.unique(nearest[index_a])  # few pass: the others need not be asked back
+    back, of_b = np.full(len(b), -1), np.full(len(b), np.inf, dtype=np.float32)
+    back[asked], of_b[asked] = _nearest(b[asked], a)
+    index_b = nearest[index_a]
+    both = np.stack([of_a[index_a], of_b[index_b]])
+    passed = (both < ratio).any(axis=0) if either else (both < ratio).all(axis=0)
+    good = (back[index_b] == index_a) & passed
+    return index_a[good], index_b[good], both.max(axis=0)[good]
+
+
+def _nearest(
+    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32]
+) -> tuple[NDArray[np.int64], NDArray[np.float32]]:
+    """Of each of a the nearest of b, and its distance over that of the second nearest."""
     wide_a, wide_b = a.astype(np.float32), b.astype(np.float32)
     norm_a, norm_b = ((wide**2).sum(axis=1) for wide in (wide_a, wide_b))
-    index, clear = np.empty(len(a), dtype=np.int64), np.empty(len(a), dtype=bool)
+    index, ratio = np.empty(len(a), dtype=np.int64), np.empty(len(a), dtype=np.float32)
     for start in range(0, len(a), _ROWS_A_PASS):
         rows = slice(start, start + _ROWS_A_PASS)
         square = wide_a[rows] @ wide_b.T
@@ -208,8 +217,8 @@ def _nearest(
         index[rows], first, second = _two_smallest(square)
         first += norm_a[rows]
         second += norm_a[rows]
-        clear[rows] = first < ratio**2 * second
-    return index, clear
+        ratio[rows] = np.sqrt(np.divide(first, second, out=np.ones_like(first), where=second > 0))
+    return index, ratio
 
 
 def _two_smallest(

@@ -18,7 +18,7 @@ from vrchain.landmarks.extraction.weights import SHIPPED
 
 Array = NDArray[np.float64]
 
-_PENALTY = 1e-3
+_PENALTY = 1e-4
 
 
 @dataclass(frozen=True, eq=False)

@@ -19,14 +19,15 @@ from vrchain.landmarks.matching.common import (
     places_of,
     view_boxes,
 )
+from vrchain.landmarks.matching.constellation import Constellation
 from vrchain.landmarks.matching.epipolar import PlanarGeometry, baseline_by_ground
-from vrchain.landmarks.matching.guided import Matched
+from vrchain.landmarks.matching.guided import Matched, keypoints_under
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
 
 _SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
-CLAIM_SIGNS, GROUP_SIGNS = 16, 4  # numbers that speak for a joined pair, and for a group
+CLAIM_SIGNS, GROUP_SIGNS = 16, 5  # numbers that speak for a joined pair, and for a group
 _GROUP_RAD, _LEAST = 0.08, 3  # keypoints that lie so near in both belong together; in a group
 _LOWEST_TOP = -0.85  # of a group, in camera heights above the cameras: the ground is at -1
 _FARTHEST = 100.0  # in camera heights: what is farther, or nobody knows how far, is scenery
@@ -47,6 +48,50 @@ class Candidates:
     geometry: PlanarGeometry | None
     pose_log_odds: float
     keypoints: Matched
+
+
+def claim_signs(
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    joined: Constellation,
+    gain: Array,
+    pairs: NDArray[np.int64],
+    support: list[Matched],
+    within: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]],
+    anywhere: Array,
+    likely: float,
+) -> Array:
+    """What speaks for each joined pair: (n, CLAIM_SIGNS)."""
+    i, j = pairs.T
+    if len(pairs) == 0:
+        return np.empty((0, CLAIM_SIGNS))
+    rivals = gain.copy()
+    rivals[i, j] = -np.inf
+    rival = np.maximum(rivals[i].max(axis=1), rivals[:, j].max(axis=0)).clip(-30, 30)
+    n_within = np.array([len(w[0]) for w in within])
+    held_a, held_b = (
+        np.bincount(r.spots.owner, minlength=len(r.proposals))[k] for r, k in ((a, i), (b, j))
+    )
+    return np.column_stack(
+        [
+            joined.appearance[i, j].clip(-10, 10),
+            joined.place[i, j].clip(-10, 10),
+            np.full(len(pairs), np.log1p(max(0.0, joined.evidence))),
+            np.log1p(np.exp(-np.clip(gain[i, j] - rival, -20, 20))),
+            np.log1p([len(s[0]) for s in support]),
+            -np.log(a.proposals.score[i]),
+            -np.log(b.proposals.score[j]),
+            np.log(np.maximum(a.proposals.range_m[i], b.proposals.range_m[j])),
+            np.full(len(pairs), np.log1p(len(pairs))),
+            np.log1p(n_within),
+            n_within / np.maximum(np.minimum(held_a, held_b), 1),
+            [w[2].mean() if len(w[2]) else 0.0 for w in within],
+            np.log1p(anywhere[i, j]),
+            anywhere[i, j] / np.maximum(anywhere.sum(axis=1)[i], 1),
+            anywhere[i, j] / np.maximum(anywhere.sum(axis=0)[j], 1),
+            np.full(len(pairs), likely),
+        ]
+    )
 
 
 def distinct(
@@ -110,11 +155,13 @@ def mask_of(proposals: Proposals, index: int, rig: CameraRig) -> Array:
 class Group:
     """Matched keypoints that lie together.
 
-    ranges: from A and from B, in distances between them; None where rays hardly meet. heights: the
-    larger one in heights of the cameras. wide_rad: over how many bearings it extends.
+    known: how many of them had matched before there was a pose. ranges: from A and from B, in
+    distances between them; None where rays hardly meet. heights: the larger one in heights of the
+    cameras. wide_rad: over how many bearings it extends.
     """
 
     keypoints: Matched
+    known: int
     ranges: tuple[float, float] | None
     heights: float
     wide_rad: float
@@ -125,12 +172,18 @@ def grouped(
 ) -> list[Group]:
     """Keypoints that agree on the pose, support no claim made so far, and lie together.
 
-    A group stands up from the ground. How high that is, is told by the lowest of what agrees, or
-    else by the horizon: cameras are upright.
+    Those that matched all over, and those that match where the pose lets them. A group stands up
+    from the ground. How high that is, is told by the lowest of what agrees, or else by the horizon:
+    cameras are upright.
     """
-    geometry, (index_a, index_b) = found.geometry, found.keypoints
-    if geometry is None or len(index_a) < _LEAST:
+    geometry = found.geometry
+    if geometry is None or len(found.keypoints[0]) < _LEAST:
         return []
+    more = keypoints_under(a.features, b.features, geometry)
+    new = ~(np.isin(more[0], found.keypoints[0]) | np.isin(more[1], found.keypoints[1]))
+    index_a, index_b = (
+        np.concatenate([old, own[new]]) for old, own in zip(found.keypoints, more, strict=True)
+    )
     seen_a, seen_b = a.features.take(index_a), b.features.take(index_b)
     by_ground = baseline_by_ground(geometry, seen_a.directions, seen_b.directions)
     known = np.isfinite(by_ground)
@@ -162,17 +215,18 @@ def grouped(
             for side, middle in zip(sides, middles, strict=True)
         )
         groups.append(Group(
-            (index_a[own], index_b[own]), ranges if far <= MatchConfig.max_range else None,
+            (index_a[own], index_b[own]), int((own < len(found.keypoints[0])).sum()),
+            ranges if far <= MatchConfig.max_range else None,
             float(far * baseline_heights), wide_rad,
         ))  # fmt: skip
     return sorted(groups, key=lambda group: -len(group.keypoints[0]))
 
 
 def group_signs(groups: Sequence[Group], chance: float) -> Array:
-    """What speaks for each: its size, width and range, and the chance of the pose. (n, 4)."""
+    """What speaks for each (n, GROUP_SIGNS): sizes, width, range, and the chance of the pose."""
     sure = np.clip(chance, 1e-4, 1 - 1e-4)
     signs = [
-        (np.log(len(g.keypoints[0])), np.log(g.wide_rad + 0.01),
+        (np.log(len(g.keypoints[0])), np.log1p(g.known), np.log(g.wide_rad + 0.01),
          np.log(np.clip(np.nan_to_num(g.heights, nan=_FARTHEST), 0.5, _FARTHEST)),
          np.log(sure / (1 - sure)))
         for g in groups

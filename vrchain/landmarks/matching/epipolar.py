@@ -32,6 +32,8 @@ _SEVERAL, _SAME_RAD = 200, 0.1  # the same where several are asked for; hypothes
 _TOLERANCE_RAD = 0.005  # about three pixels of a 640-pixel, 60-degree view
 _PARALLEL_RAD = 0.01  # rays closer than this to parallel do not tell in front from behind
 _POLISH_STEPS = 5
+_SIZE_LOG = 0.4  # by how much keypoints may be larger in B than the way to them tells
+_ALONG = 0.05  # sine of bearings from the baseline, below which that tells nothing
 _NEAR_RAD = 0.03  # parallax of points that tell the scale
 _LEAST_LOW_POINTS = 7
 _LOWEST = 0.95  # what lies lower still is a mistake; within 20 % on suburbs of seed 1000
@@ -124,6 +126,21 @@ def obeyed(
     """Which matches, (m, 2) from A and from B, may show one point, under each pose (k,): (k, m)."""
     theta = np.asarray(direction_rad, dtype=float)
     return _inliers(theta, theta - np.asarray(heading_rad), _matches(a, b), tolerance_rad)
+
+
+def of_right_size(
+    direction_rad: ArrayLike, heading_rad: ArrayLike, a: Array, b: Array, larger: Array
+) -> NDArray[np.bool_]:
+    """Which keypoints' sizes fit the ranges that each pose (k,) gives: (k, m), by the law of sines.
+
+    a, b: (m, 2) from A and from B. larger: (m,) size in B over size in A, as a logarithm.
+    """
+    theta = np.asarray(direction_rad, dtype=float)[:, None]
+    sine_a = np.abs(np.sin(a[:, 0] - theta))
+    sine_b = np.abs(np.sin(b[:, 0] + np.asarray(heading_rad)[:, None] - theta))
+    expected = np.log(np.maximum(sine_b, _ALONG) / np.maximum(sine_a, _ALONG))
+    unknown = np.minimum(sine_a, sine_b) < _ALONG
+    return np.asarray(unknown | (np.abs(larger - expected) < _SIZE_LOG))
 
 
 def _near(one: Array, other: Array) -> bool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.extraction.spots import Spots
-from vrchain.landmarks.matching.epipolar import PlanarGeometry, one_point
+from vrchain.landmarks.matching.epipolar import PlanarGeometry, of_right_size, one_point
 
 Array = NDArray[np.float64]
 Index = NDArray[np.int64]
@@ -23,6 +23,7 @@ NO_MATCH = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
 _WIDER = 1.01  # a first look at distances is rounded otherwise
 _KEYPOINT_RAD, _DESCRIPTORS = 0.005, 300.0  # off the relative pose; between descriptors, at most
 _SPOT_RAD, _COSINE = 0.012, 0.3  # a cell is as wide; between descriptors, at least
+_MOST_KEYPOINTS = 1500  # of a panorama, when all are matched under a pose
 _MOST_SPOTS = 2200  # of a panorama, when all are matched with all
 
 
@@ -41,6 +42,16 @@ def keypoints_within(
         geometry, a.directions, b.directions, inside, alike, -(_DESCRIPTORS**2), _KEYPOINT_RAD
     )
     return [(ia, ib) for ia, ib, _ in found]
+
+
+def keypoints_under(a: Features, b: Features, geometry: PlanarGeometry) -> Matched:
+    """Of the largest keypoints those that match under a pose, wherever they are."""
+    largest = [np.sort(np.argsort(-f.size_rad, kind="stable")[:_MOST_KEYPOINTS]) for f in (a, b)]
+    ((ia, ib),) = keypoints_within(a, b, [(largest[0], largest[1])], geometry)
+    larger = np.log(b.size_rad[ib] / a.size_rad[ia])
+    pose = [geometry.direction_rad], [geometry.heading_rad]
+    good = of_right_size(*pose, a.directions[ia], b.directions[ib], larger)[0]
+    return ia[good], ib[good]
 
 
 def spots_within(

@@ -18,8 +18,8 @@ from vrchain.landmarks.extraction.record import LandmarkRecord, owners
 from vrchain.landmarks.extraction.sift import mutual_matches
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
 from vrchain.landmarks.matching.claims import (
-    CLAIM_SIGNS,
     Candidates,
+    claim_signs,
     claims_of,
     claims_of_groups,
     distinct,
@@ -119,25 +119,49 @@ def compare_joint(
             raise ImageError(f"expected two landmark records of one {what}, got {one} and {other}")
     config = config or JointConfig()
     calibration = calibration or load_calibration()
-    worth = calibration.of(config.name)
-    options = list(candidates(a, b, config, calibration))
+    options = judged(a, b, config, calibration)
     if not options:
         return Comparison((), None)
+    best = options[0]
+    found, score, chance = best.found, best.score, best.chance
+    if chance < config.min_joined:
+        return Comparison((), found.geometry, chance)
+    made = claims_of(a, b, found, [k for k in best.own if score[k] >= config.min_score], score)
+    groups = grouped(a, b, found, made)
+    sure = calibration.of(config.name).groups.probability(group_signs(groups, chance))
+    made += claims_of_groups(a, b, groups, sure, config.min_score)
+    return Comparison(tuple(sorted(made, key=lambda c: -c.score)), found.geometry, chance)
+
+
+@dataclass(frozen=True, eq=False)
+class Judged:
+    """What may be claimed under one pose, and how likely all that is right.
+
+    score: (n,) of each pair. own: which pairs are distinct, surest first. chance: of the pose.
+    """
+
+    found: Candidates
+    score: Array
+    own: list[int]
+    chance: float
+
+
+def judged(
+    a: LandmarkRecord, b: LandmarkRecord, config: JointConfig, calibration: Calibration
+) -> list[Judged]:
+    """What may be claimed under each likely pose, the likeliest first."""
+    worth = calibration.of(config.name)
+    options = list(candidates(a, b, config, calibration))
     scores = [worth.claims.probability(found.features) for found in options]
     owns = [
         distinct(a, b, found.pairs, score) for found, score in zip(options, scores, strict=True)
     ]
+    if not options:
+        return []
     claimed = [score[own] for score, own in zip(scores, owns, strict=True)]
     chances = worth.joined.probability(joined_signs(a, b, options, claimed))
-    best = int(chances.argmax())
-    found, own, score, chance = options[best], owns[best], scores[best], float(chances[best])
-    if chance < config.min_joined:
-        return Comparison((), found.geometry, chance)
-    made = claims_of(a, b, found, [k for k in own if score[k] >= config.min_score], score)
-    groups = grouped(a, b, found, made)
-    sure = worth.groups.probability(group_signs(groups, chance))
-    made += claims_of_groups(a, b, groups, sure, config.min_score)
-    return Comparison(tuple(sorted(made, key=lambda c: -c.score)), found.geometry, chance)
+    made = map(Judged, options, scores, owns, chances.tolist())
+    return sorted(made, key=lambda one: -one.chance)
 
 
 def joined_signs(
@@ -187,7 +211,9 @@ def candidates(
         appearance = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
     if not config.geometry:
         joined = by_appearance(appearance)
-        yield _candidates(a, b, config, joined, None, Matches(NO_MATCH, NO_MATCH), 0.0)
+        yield _candidates(
+            a, b, config, joined, None, matches_of(a, b, sift=False, spots=False), 0.0
+        )
         return
     matches = matches_of(a, b, config.sift, config.spots)
     posed = pose_hypotheses(a, b, matches) if config.verified else []
@@ -207,12 +233,18 @@ def candidates(
 def likeliest(
     posed: list[PoseHypothesis], config: JointConfig, calibration: Calibration
 ) -> list[tuple[PoseHypothesis, float]]:
-    """The poses worth a closer look, and the log-odds that they are right, likeliest first."""
-    signs = np.stack([p.signs for p in posed])
-    log_odds = calibration.of(config.name).poses.log_odds(signs).clip(_NO_POSE, -_NO_POSE)
-    order = np.argsort(-log_odds, kind="stable")[:_POSES]
-    near = order[log_odds[order] > log_odds[order[0]] - _LESS_LIKELY]
-    return [(posed[k], float(log_odds[k])) for k in near]
+    """The poses worth a closer look, and the log-odds that they are right, likeliest first.
+
+    Of those that are no rivals only the likeliest, which is the most exact.
+    """
+    log_odds = calibration.of(config.name).poses.log_odds(np.stack([p.signs for p in posed]))
+    order = np.argsort(-log_odds, kind="stable")
+    kept: list[int] = []
+    for k in order[log_odds[order] > log_odds[order[0]] - _LESS_LIKELY].tolist():
+        rivals = [posed[other].geometry for other in kept]
+        if not any(posed[k].geometry.near(other, NO_RIVAL_RAD) for other in rivals):
+            kept.append(k)
+    return [(posed[k], float(log_odds[k].clip(_NO_POSE, -_NO_POSE))) for k in kept[:_POSES]]
 
 
 def _candidates(
@@ -245,55 +277,11 @@ def _candidates(
         support = [_matched(a, b, own, _RATIO) for own in inside]
     if exact and config.spots and len(pairs):
         within = spots_within(a.spots, b.spots, pairs, exact)
-    features = _features(a, b, joined, gain, pairs, support, within, anywhere, likely)
+    features = claim_signs(a, b, joined, gain, pairs, support, within, anywhere, likely)
     return Candidates(
         pairs, features, support, [(w[0], w[1]) for w in within], geometry, likely,
         posed.keypoints if posed else NO_MATCH,
     )  # fmt: skip
-
-
-def _features(
-    a: LandmarkRecord,
-    b: LandmarkRecord,
-    joined: Constellation,
-    gain: Array,
-    pairs: NDArray[np.int64],
-    support: list[Matched],
-    within: list[tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float32]]],
-    anywhere: Array,
-    likely: float,
-) -> Array:
-    """What speaks for each joined pair: (n, CLAIM_SIGNS)."""
-    i, j = pairs.T
-    if len(pairs) == 0:
-        return np.empty((0, CLAIM_SIGNS))
-    rivals = gain.copy()
-    rivals[i, j] = -np.inf
-    rival = np.maximum(rivals[i].max(axis=1), rivals[:, j].max(axis=0)).clip(-30, 30)
-    n_within = np.array([len(w[0]) for w in within])
-    held_a, held_b = (
-        np.bincount(r.spots.owner, minlength=len(r.proposals))[k] for r, k in ((a, i), (b, j))
-    )
-    return np.column_stack(
-        [
-            joined.appearance[i, j].clip(-10, 10),
-            joined.place[i, j].clip(-10, 10),
-            np.full(len(pairs), np.log1p(max(0.0, joined.evidence))),
-            np.log1p(np.exp(-np.clip(gain[i, j] - rival, -20, 20))),
-            np.log1p([len(s[0]) for s in support]),
-            -np.log(a.proposals.score[i]),
-            -np.log(b.proposals.score[j]),
-            np.log(np.maximum(a.proposals.range_m[i], b.proposals.range_m[j])),
-            np.full(len(pairs), np.log1p(len(pairs))),
-            np.log1p(n_within),
-            n_within / np.maximum(np.minimum(held_a, held_b), 1),
-            [w[2].mean() if len(w[2]) else 0.0 for w in within],
-            np.log1p(anywhere[i, j]),
-            anywhere[i, j] / np.maximum(anywhere.sum(axis=1)[i], 1),
-            anywhere[i, j] / np.maximum(anywhere.sum(axis=0)[j], 1),
-            np.full(len(pairs), likely),
-        ]
-    )
 
 
 def _geometry_of(joined: Constellation, rig: CameraRig) -> PlanarGeometry:

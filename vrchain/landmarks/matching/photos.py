@@ -123,14 +123,14 @@ def sky_mask(image_rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 def agreeing(a: Described, b: Described, config: PhotoConfig) -> Matched:
     """Indices (m,), (m,) of matched keypoints that obey one fundamental matrix."""
-    ia, ib = _matches(a, b, config)
+    ia, ib = matches_of(a, b, config)
     inlier = _obeying(a, b, ia, ib, config)
     ia, ib = ia[inlier], ib[inlier]
     counted = config.sky | ~(a.in_sky[ia] | b.in_sky[ib])
     return ia[counted], ib[counted]
 
 
-def _matches(a: Described, b: Described, config: PhotoConfig) -> Matched:
+def matches_of(a: Described, b: Described, config: PhotoConfig) -> Matched:
     known = (d.keypoints.descriptors for d in (a, b))
     known_a, known_b = (root(k) if config.root else k for k in known)
     return mutual_matches(known_a, known_b, config.ratio, config.either)
@@ -148,12 +148,12 @@ def _obeying(a: Described, b: Described, ia: Index, ib: Index, config: PhotoConf
     return np.flatnonzero(mask) if mask is not None else np.empty(0, dtype=np.int64)
 
 
-def _by_chance(a: Described, b: Described, config: PhotoConfig) -> int:
+def by_chance(a: Described, b: Described, config: PhotoConfig) -> int:
     """The most matches that agree when it is shuffled who matches whom.
 
     Keypoints in rows and grids agree on some fundamental matrix whatever they are matched with.
     """
-    ia, ib = _matches(a, b, config)
+    ia, ib = matches_of(a, b, config)
     draws = generator(0, "photographs", len(ia))
     shuffled = (draws.permutation(ib) for _ in range(config.shuffles))
     return max((len(_obeying(a, b, ia, other, config)) for other in shuffled), default=0)
@@ -165,7 +165,7 @@ def claims_of(
     """Common landmarks of two pictures, surest first."""
     config = config or PhotoConfig()
     ia, ib = agreeing(a, b, config)
-    if len(ia) < config.min_inliers or len(ia) <= _by_chance(a, b, config):
+    if len(ia) < config.min_inliers or len(ia) <= by_chance(a, b, config):
         return ()
     groups = group_by_nearness(
         a.keypoints.xy_px[ia], b.keypoints.xy_px[ib], _GROUP_SHARE * _LONGEST_SIDE_PX

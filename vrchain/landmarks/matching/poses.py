@@ -12,8 +12,13 @@ from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord
-from vrchain.landmarks.extraction.sift import mutual_matches, root
-from vrchain.landmarks.matching.epipolar import PlanarGeometry, hypotheses, obeyed
+from vrchain.landmarks.extraction.sift import matches_and_ratios, root
+from vrchain.landmarks.matching.epipolar import (
+    PlanarGeometry,
+    hypotheses,
+    obeyed,
+    of_right_size,
+)
 from vrchain.landmarks.matching.guided import NO_MATCH, Matched, spots_anywhere
 from vrchain.seeding import generator
 
@@ -22,6 +27,10 @@ Directions = tuple[Array, Array]
 """Bearing and slope of what matches, (m, 2), from A and from B."""
 
 _RATIO = 0.9  # of the ratio test of keypoints, asked both ways
+# the probability that a match of such a ratio is right, on suburbs and in rooms alike
+_RATIOS = (0.4, 0.55, 0.65, 0.725, 0.775, 0.825, 0.875)
+_RIGHT = (0.85, 0.75, 0.5, 0.35, 0.2, 0.1, 0.05)
+_BY_CHANCE = 0.003  # of wrong matches the share that obeys any pose, at least
 _EACH = 5  # poses by keypoints alone, and by keypoints and spots
 _MIN_INLIERS = 8
 _KEYPOINT_RAD, _SPOT_RAD = 0.006, 0.01  # within which matches obey a pose when they are counted
@@ -31,11 +40,9 @@ _FEW = 2.0  # matches that count for nothing, in ratios
 _SECTORS = 24  # of a full turn, over which matches may spread
 _LEAST_STD_RAD = 1e-4
 NO_RIVAL_RAD = 0.2  # poses that are no rivals
-_SIZE_LOG = 0.4  # by how much keypoints may be larger in B than the way to them tells
-_ALONG = 0.05  # sine of bearings from the baseline, below which that tells nothing
 
 SIGNS = (
-    "keypoints over the best other pose", "spots over the best other pose",
+    "evidence over the best other pose", "spots over the best other pose",
     "keypoints over chance", "spots over chance", "sectors in A", "sectors in B",
     "deviation of the direction", "keypoints of the right size",
 )  # fmt: skip
@@ -43,9 +50,13 @@ SIGNS = (
 
 @dataclass(frozen=True, eq=False)
 class Matches:
-    """What matches all over two panoramas: keypoints and spots, (m,) indices in A and in B."""
+    """What matches all over two panoramas: keypoints and spots, (m,) indices in A and in B.
+
+    ratios: (m,) of the keypoints' distances, nearest over second nearest.
+    """
 
     keypoints: Matched
+    ratios: NDArray[np.float32]
     spots: Matched
 
 
@@ -60,11 +71,12 @@ class PoseHypothesis:
 
 def matches_of(a: LandmarkRecord, b: LandmarkRecord, sift: bool, spots: bool) -> Matches:
     """Matched keypoints, if ``sift``, and matched spots, if ``spots``, wherever they are."""
-    keypoints = NO_MATCH
+    index_a, index_b, ratios = *NO_MATCH, np.empty(0, dtype=np.float32)
     if sift:
         known_a, known_b = (root(r.features.descriptors) for r in (a, b))
-        keypoints = mutual_matches(known_a, known_b, _RATIO)
-    return Matches(keypoints, spots_anywhere(a.spots, b.spots) if spots else NO_MATCH)
+        index_a, index_b, ratios = matches_and_ratios(known_a, known_b, _RATIO)
+    in_spots = spots_anywhere(a.spots, b.spots) if spots else NO_MATCH
+    return Matches((index_a, index_b), ratios, in_spots)
 
 
 def pose_hypotheses(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> list[PoseHypothesis]:
@@ -83,7 +95,7 @@ def pose_hypotheses(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> l
     if not found:
         return []
     sizes = np.log(b.features.size_rad[kb] / a.features.size_rad[ka])
-    signs, good = _signs(found, keypoints, spots, sizes)
+    signs, good = _signs(found, keypoints, spots, sizes, matches.ratios)
     return [
         PoseHypothesis(geometry, own, (ka[held], kb[held]))
         for geometry, own, held in zip(found, signs, good, strict=True)
@@ -91,53 +103,71 @@ def pose_hypotheses(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> l
 
 
 def _signs(
-    found: list[PlanarGeometry], keypoints: Directions, spots: Directions, sizes: Array
+    found: list[PlanarGeometry],
+    keypoints: Directions,
+    spots: Directions,
+    sizes: Array,
+    ratios: NDArray[np.float32],
 ) -> tuple[Array, NDArray[np.bool_]]:
     """What speaks for each pose: (k, ``SIGNS``); and which keypoints (m,) obey it: (k, m).
 
     sizes: (m,) how much larger each keypoint looks from B, as a logarithm. Of what is near to one
     robot and far from the other, sizes differ as ranges do; chance does not mind.
     """
-    poses = np.array([(g.direction_rad, g.heading_rad) for g in found]).T
+    k = len(found)
     drawn = generator(0, "random poses").uniform(-np.pi, np.pi, (2, _RANDOM))
-    held = _obeying(poses, keypoints, _KEYPOINT_RAD)
-    sized = held & _right_size(poses, keypoints, sizes)
-    of_spots = _obeying(poses, spots, _SPOT_RAD)
-    by_chance = (
-        _obeying(drawn, keypoints, _KEYPOINT_RAD) & _right_size(drawn, keypoints, sizes),
-        _obeying(drawn, spots, _SPOT_RAD),
-    )
-    rivals = ~np.array([[one.near(other, NO_RIVAL_RAD) for other in found] for one in found])
-    counts = sized.sum(axis=1), of_spots.sum(axis=1)
-    best_other = (np.where(rivals, count, 0).max(axis=1) for count in counts)
-    mean = (chance.sum(axis=1).mean() for chance in by_chance)
-    together = np.concatenate([held, of_spots], axis=1)
-    seen = (np.concatenate([k[:, 0], s[:, 0]]) for k, s in zip(keypoints, spots, strict=True))
-    columns = [np.log((n + 1) / (other + 1)) for n, other in zip(counts, best_other, strict=True)]
-    columns += [np.log((n + _FEW) / (few + _FEW)) for n, few in zip(counts, mean, strict=True)]
-    columns += [np.array([_spread(bearing_rad[own]) for own in together]) for bearing_rad in seen]
-    columns.append(np.log([g.direction_std_rad + _LEAST_STD_RAD for g in found]))
-    columns.append(np.log((counts[0] + 1) / (held.sum(axis=1) + 1)))
-    return np.stack(columns, axis=1), held
+    told = np.array([(g.direction_rad, g.heading_rad) for g in found]).T
+    poses = np.concatenate([told, drawn], axis=1)
+    held, of_spots = _obeying(poses, keypoints, _KEYPOINT_RAD), _obeying(poses, spots, _SPOT_RAD)
+    sized = held & of_right_size(poses[0], poses[1], *keypoints, sizes)
+    speaks = _evidence(sized, ratios, keypoints[0][:, 0])
+    n_keypoints, n_spots = sized.sum(axis=1), of_spots.sum(axis=1)
+    near = np.array([[one.near(other, NO_RIVAL_RAD) for other in found] for one in found])
+
+    def best_other(values: NDArray[np.generic]) -> Array:
+        return np.where(near, -np.inf, values[:k]).max(axis=1)
+
+    ahead = speaks[:k] - np.maximum(best_other(speaks), speaks[k:].max())
+    together = np.concatenate([held, of_spots], axis=1)[:k]
+    seen = (np.concatenate([p[:, 0], s[:, 0]]) for p, s in zip(keypoints, spots, strict=True))
+    columns = [
+        np.sign(ahead) * np.sqrt(np.abs(ahead)),
+        np.log((n_spots[:k] + 1) / (best_other(n_spots).clip(0) + 1)),
+        *(np.log((n[:k] + _FEW) / (n[k:].mean() + _FEW)) for n in (n_keypoints, n_spots)),
+        *(np.array([_spread(bearing_rad[own]) for own in together]) for bearing_rad in seen),
+        np.log([g.direction_std_rad + _LEAST_STD_RAD for g in found]),
+        np.log((n_keypoints[:k] + 1) / (held[:k].sum(axis=1) + 1)),
+    ]
+    return np.stack(columns, axis=1), held[:k]
+
+
+def _evidence(obeyed: NDArray[np.bool_], ratios: NDArray[np.float32], bearing_rad: Array) -> Array:
+    """How much matches (m,) speak for each pose (k,), of which they obey some: (k, m).
+
+    Log-likelihood ratios: a right match obeys the true pose, a wrong one any as chance will. Many
+    of one thing, of which there may be another, count as their root.
+    """
+    right = np.interp(ratios, _RATIOS, _RIGHT)
+    wrong = 1 - right
+    chance = (obeyed @ wrong / max(wrong.sum(), 1.0) / 2 + _BY_CHANCE)[:, None]
+    speaks = np.log(wrong + obeyed * right / chance)
+    of_sector = _sector(bearing_rad)[:, None] == np.arange(_SECTORS)
+    by_sector = speaks @ of_sector
+    return np.asarray((np.sign(by_sector) * np.sqrt(np.abs(by_sector))).sum(axis=1))
 
 
 def _obeying(poses: Array, seen: Directions, tolerance_rad: float) -> NDArray[np.bool_]:
     return obeyed(poses[0], poses[1], seen[0], seen[1], tolerance_rad)
 
 
-def _right_size(poses: Array, keypoints: Directions, sizes: Array) -> NDArray[np.bool_]:
-    """Which keypoints' sizes fit the ranges that each pose (direction, heading) gives: (k, m)."""
-    direction_rad, heading_rad = poses[:, :, None]
-    sine_a = np.abs(np.sin(keypoints[0][:, 0] - direction_rad))
-    sine_b = np.abs(np.sin(keypoints[1][:, 0] + heading_rad - direction_rad))
-    nearer = np.log(np.maximum(sine_b, _ALONG) / np.maximum(sine_a, _ALONG))  # law of sines
-    unknown = np.minimum(sine_a, sine_b) < _ALONG
-    return unknown | (np.abs(sizes - nearer) < _SIZE_LOG)
-
-
 def _spread(bearing_rad: Array) -> float:
     """Over how many sectors bearings spread: the exponential of their entropy."""
-    sector = ((wrap_angle_rad(bearing_rad) + np.pi) * (_SECTORS / (2 * np.pi))).astype(int)
-    share = np.bincount(sector % _SECTORS) / max(1, len(sector))
+    share = np.bincount(_sector(bearing_rad)) / max(1, len(bearing_rad))
     share = share[share > 0]
     return float(np.exp(-(share * np.log(share)).sum()))
+
+
+def _sector(bearing_rad: Array) -> NDArray[np.int64]:
+    """The sector that each bearing lies in."""
+    turn = (wrap_angle_rad(bearing_rad) + np.pi) / (2 * np.pi)
+    return np.asarray(turn * _SECTORS, dtype=np.int64) % _SECTORS

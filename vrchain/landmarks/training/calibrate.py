@@ -148,19 +148,24 @@ def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) 
         np.concatenate([w.found.features[k] for w, k in zip(weighed, kept, strict=True)]),
         np.concatenate([w.right[k] for w, k in zip(weighed, kept, strict=True)]),
     ))  # fmt: skip
-    signs, rightly, made = [], [], []
+    signs, unknown, rightly, made = [], [], [], []
     for of_pair in filter(None, options):
         a, b = of_pair[0].asked.a.record, of_pair[0].asked.b.record
         scores = [worth.claims.probability(w.found.features) for w in of_pair]
         chosen = [distinct(a, b, w.found.pairs, s) for w, s in zip(of_pair, scores, strict=True)]
         claimed = [score[own] for score, own in zip(scores, chosen, strict=True)]
-        signs.append(joined_signs(a, b, [w.found for w in of_pair], claimed))
+        found = [w.found for w in of_pair]
+        signs.append(joined_signs(a, b, found, claimed))
         rightly += [
             w.asked.pose_right(w.found.geometry) if joint.geometry else w.mostly_right(own)
             for w, own in zip(of_pair, chosen, strict=True)
         ]
+        unknown.append(joined_signs(a, b, found, [np.empty(0)] * len(found)))
         made += list(zip(of_pair, scores, chosen, strict=True))
-    worth = replace(worth, joined=fit(np.concatenate(signs), np.array(rightly)))
+    # elsewhere the network may know little: without claims, matches have to do
+    known_too = [*signs, *(unknown if joint.verified and joint.geometry else [])]
+    both = rightly * (len(known_too) // len(signs))
+    worth = replace(worth, joined=fit(np.concatenate(known_too), np.array(both)))
     groups, right_groups = [], []
     chances = worth.joined.probability(np.concatenate(signs))
     for (w, score, own), chance in zip(made, chances, strict=True):

@@ -1,0 +1,90 @@
+"""Why two pictures have no more in common: what each stage found, and what it left."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.matching import photos
+from vrchain.landmarks.matching.calibration import load_calibration
+from vrchain.landmarks.matching.claims import claims_of, group_signs, grouped
+from vrchain.landmarks.matching.joint import JointConfig, Judged, judged
+from vrchain.landmarks.matching.photos import Described, PhotoConfig, agreeing, by_chance
+from vrchain.landmarks.matching.poses import matches_of
+
+Told = Iterator[tuple[str, str]]
+"""Stages and what they found, in order; the last is the answer."""
+
+
+def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
+    """Of two panoramas, by the default variant."""
+    config, calibration = JointConfig(), load_calibration()
+    worth = calibration.of(config.name)
+    sides = (("A", a), ("B", b))
+    yield "proposed", ", ".join(f"{len(r.proposals)} landmarks in {side}" for side, r in sides)
+    alike = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T) > 0
+    yield "look alike", f"{alike.any(axis=1).sum()} of A's have one in B that does"
+    matches = matches_of(a, b, config.sift, config.spots)
+    yield (
+        "match",
+        f"{len(matches.keypoints[0])} of {len(a.features)} and {len(b.features)} keypoints, "
+        f"{len(matches.spots[0])} of {len(a.spots)} and {len(b.spots)} spots within proposals",
+    )
+    options = judged(a, b, config, calibration)
+    for option in options:
+        yield "relative pose", _pose_told(option)
+    if not options:
+        yield "answer", "nothing in common: matches and proposals speak for no relative pose"
+        return
+    best = options[0]
+    found, score = best.found, best.score
+    sure = [k for k in best.own if score[k] >= config.min_score]
+    surest = f", the surest {score[best.own].max():.2f}" if len(best.own) else ""
+    enough = f"reach {config.min_score}"
+    yield "joined", f"{len(best.own)} pairs of proposals{surest}; {len(sure)} {enough}"
+    groups = grouped(a, b, found, claims_of(a, b, found, sure, score))
+    good = worth.groups.probability(group_signs(groups, best.chance)) >= config.min_score
+    yield (
+        "grouped",
+        f"{len(groups)} groups of other keypoints; {good.sum()} {enough}",
+    )
+    if best.chance < config.min_joined:
+        yield (
+            "answer",
+            f"nothing in common: the likeliest pose is right by {best.chance:.2f} only, and must "
+            f"be by {config.min_joined}: pictures taken nearer to each other have more matches",
+        )
+    else:
+        yield "answer", f"{len(sure) + good.sum()} common landmarks"
+
+
+def _pose_told(option: Judged) -> str:
+    geometry, found = option.found.geometry, option.found
+    if geometry is None:
+        return "none"
+    direction, heading = np.degrees([geometry.direction_rad, geometry.heading_rad])
+    by_matches = 1 / (1 + np.exp(-found.pose_log_odds))
+    return (
+        f"B at {direction:.0f} degrees, turned by {heading:.0f}: {len(found.keypoints[0])} "
+        f"matched keypoints obey it; right by {by_matches:.2f} for its matches, by "
+        f"{option.chance:.2f} with what is joined under it"
+    )
+
+
+def why_photographs(a: Described, b: Described, config: PhotoConfig | None = None) -> Told:
+    """Of two photographs."""
+    config = config or PhotoConfig()
+    obey, chance = len(agreeing(a, b, config)[0]), by_chance(a, b, config)
+    sides = (("A", a), ("B", b))
+    yield "found", ", ".join(f"{len(d.in_sky)} keypoints in {side}" for side, d in sides)
+    yield "match", f"{len(photos.matches_of(a, b, config)[0])} of them"
+    yield (
+        "agree",
+        f"{obey} on where the cameras stood, those in the sky left out; {chance} when it is "
+        "shuffled who matches whom",
+    )
+    few = max(config.min_inliers, chance + 1)
+    if obey < few:
+        yield "answer", f"nothing in common: {few} would have to agree"
+    else:
+        yield "answer", "common landmarks where those lie together"
