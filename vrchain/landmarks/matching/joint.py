@@ -235,16 +235,19 @@ def likeliest(
 ) -> list[tuple[PoseHypothesis, float]]:
     """The poses worth a closer look, and the log-odds that they are right, likeliest first.
 
-    Of those that are no rivals only the likeliest, which is the most exact.
+    Of those that are no rivals only the one that most keypoints obey: it is the most exact.
     """
     log_odds = calibration.of(config.name).poses.log_odds(np.stack([p.signs for p in posed]))
     order = np.argsort(-log_odds, kind="stable")
-    kept: list[int] = []
-    for k in order[log_odds[order] > log_odds[order[0]] - _LESS_LIKELY].tolist():
-        rivals = [posed[other].geometry for other in kept]
-        if not any(posed[k].geometry.near(other, NO_RIVAL_RAD) for other in rivals):
-            kept.append(k)
-    return [(posed[k], float(log_odds[k].clip(_NO_POSE, -_NO_POSE))) for k in kept[:_POSES]]
+    left = order[log_odds[order] > log_odds[order[0]] - _LESS_LIKELY].tolist()
+    found: list[tuple[PoseHypothesis, float]] = []
+    while left and len(found) < _POSES:
+        first = posed[left[0]].geometry
+        same = [k for k in left if posed[k].geometry.near(first, NO_RIVAL_RAD)]
+        best = max(same, key=lambda k: len(posed[k].keypoints[0]))
+        found.append((posed[best], float(log_odds[best].clip(_NO_POSE, -_NO_POSE))))
+        left = [k for k in left if k not in same]
+    return found
 
 
 def _candidates(
