@@ -1,0 +1,325 @@
+"""Image databases: pictures with the poses that they were taken from, in three formats and back.
+
+Read are Brains on Board's (``database_entries.csv``, ``database_metadata.yaml``), that of ZInD
+(Cruz et al., "Zillow Indoor Dataset", 2021; ``zind_data.json``), and a plain CSV of the columns
+``filename,x_m,y_m,heading_deg``. World frame: x east, y north; yaw anticlockwise from x.
+"""
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field
+from itertools import pairwise
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+import numpy as np
+import yaml
+
+from vrchain.errors import ImageError
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.panorama.codec import read_content
+from vrchain.panorama.panorama import Panorama
+from vrchain.panorama.rig import CameraRig
+from vrchain.panorama.sources import import_panorama
+
+ENTRIES, METADATA = "database_entries.csv", "database_metadata.yaml"  # Brains on Board
+TOUR = "zind_data.json"
+_PLAIN = ("filename", "x_m", "y_m", "heading_deg")
+_BOB = ("Filename", "X [mm]", "Y [mm]", "Heading [degrees]")
+_OWN = "Panorama"  # a column of ours: the folder of the panorama that the picture was made of
+_GRID = ("Grid X", "Grid Y", "Grid Z")
+HEADINGS = "math", "compass"  # anticlockwise from x, or clockwise from y
+_ALIKE_RAD = math.radians(20.0)  # headings that fit the way taken as well as that look along it
+
+
+@dataclass(frozen=True)
+class DatabaseEntry:
+    """A picture, and from where it was taken.
+
+    file: the picture, or the folder of a panorama of ours where ``model`` is "panorama". pose: of
+    the camera in the world; its yaw is where the picture's middle looks. height_m: above the
+    ground. pitch_rad (middle looks up), roll_rad (right side goes down): None where not told.
+    model: how the picture is to be read, a name of ``sources.MODELS``; None: not told. floor, room:
+    only positions on one floor have one frame. grid: the cell, where the positions are a grid.
+    more: what else its row says.
+    """
+
+    file: Path
+    pose: Pose
+    height_m: float | None = None
+    pitch_rad: float | None = None
+    roll_rad: float | None = None
+    model: str | None = None
+    floor: str = ""
+    room: int = 0
+    grid: tuple[int, int, int] | None = None
+    more: Mapping[str, str] = field(default_factory=dict)
+
+
+def read_database(folder: str | Path, headings: str | None = None) -> list[DatabaseEntry]:
+    """The entries of an image database, in its order; the pictures themselves are not read.
+
+    headings: how a CSV's headings count, one of ``HEADINGS``. None: as the metadata say; without,
+    as a route's headings fit the way it takes; else anticlockwise from x. ImageError, which names
+    file and row: no database, a column or number is missing, a name that leaves the folder.
+    """
+    folder = Path(folder)
+    if headings not in (None, *HEADINGS):
+        raise ImageError(f"expected headings of {' or '.join(HEADINGS)}, got {headings!r}")
+    if (folder / ENTRIES).is_file():
+        entries = _brains_on_board(folder, headings)
+    elif (folder / TOUR).is_file():
+        entries = _zind(folder)
+    else:
+        tables = sorted(folder.glob("*.csv"))
+        if len(tables) != 1:
+            raise ImageError(
+                f"{folder}: expected an image database, a folder with {ENTRIES}, {TOUR} or one "
+                f"CSV file of the columns {','.join(_PLAIN)}; found {len(tables)} CSV files"
+            )
+        entries = _plain(tables[0], headings)
+    if not entries:
+        raise ImageError(f"{folder}: expected pictures with positions, found none")
+    return entries
+
+
+def panorama_of(entry: DatabaseEntry, camera_height_m: float | None = None) -> Panorama:
+    """The panorama in an entry's picture. ImageError: it is not what the entry's model says.
+
+    camera_height_m: instead of what the entry says. Those to be compared need one height.
+    """
+    if entry.model == "panorama":
+        return Panorama.load(entry.file)
+    height_m = camera_height_m or entry.height_m or CameraRig.camera_height_m
+    return import_panorama(entry.file, entry.model or "equirectangular", height_m)
+
+
+def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]) -> None:
+    """Write panoramas with their poses as a database of Brains on Board's, and as a plain CSV.
+
+    Into an existing, empty folder; an entry's panorama lies whole in a folder of the name of its
+    file, without ending; others find the joined cylinder there. ``read_database`` reads both.
+    """
+    rows, size_px, on_grid = [], (0, 0), False
+    for entry, panorama in taken:
+        name = entry.file.stem
+        (folder / name).mkdir()
+        panorama.save(folder / name)
+        size_px, on_grid = panorama.cylinder.shape[1::-1], entry.grid is not None
+        heading_deg = math.degrees(entry.pose.yaw_rad)
+        mm = [1e3 * v for v in (*entry.pose.xy_m.tolist(), panorama.rig.camera_height_m)]
+        rows.append([*mm, heading_deg, f"{name}/cylinder.png", name, *(entry.grid or ())])
+    columns = [_BOB[1], _BOB[2], "Z [mm]", _BOB[3], _BOB[0], _OWN, *(_GRID if on_grid else ())]
+    with (folder / ENTRIES).open("w", newline="") as file:
+        csv.writer(file, lineterminator="\n").writerows([columns, *rows])
+    with (folder / "poses.csv").open("w", newline="") as file:
+        plain = [[row[4], row[0] / 1e3, row[1] / 1e3, row[3]] for row in rows]
+        csv.writer(file, lineterminator="\n").writerows([_PLAIN, *plain])
+    (folder / METADATA).write_text(
+        "%YAML:1.0\n---\nmetadata:\n"
+        f"   type: {'grid' if on_grid else 'route'}\n"
+        "   camera:\n      name: vrchain\n"
+        f"      resolution: [ {size_px[0]}, {size_px[1]} ]\n      isPanoramic: 0\n"
+        f"   needsUnwrapping: 0\n   isGreyscale: 0\n   headings: {HEADINGS[0]}\n"
+    )
+
+
+def _plain(table: Path, headings: str | None) -> list[DatabaseEntry]:
+    rows = list(_rows(table, _PLAIN))
+    yaws = [_number(row, "heading_deg", where) for row, where in rows]
+    places = [[_number(row, c, where) for c in ("x_m", "y_m")] for row, where in rows]
+    told = headings or _headings_of_a_way(places, yaws)
+    return [
+        DatabaseEntry(
+            _inside(table.parent, row["filename"], where),
+            Pose(xy[0], xy[1], _yaw_rad(yaw, told)),
+            _maybe(row, "height_m", where),
+            more={k: v for k, v in row.items() if k not in (*_PLAIN, "height_m")},
+        )
+        for (row, where), xy, yaw in zip(rows, places, yaws, strict=True)
+    ]
+
+
+def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
+    """Z is the camera's height if it is above 0; ours has its panoramas beside the pictures."""
+    metadata = read_metadata(folder)
+    if metadata.get("videoFile"):
+        raise ImageError(
+            f"{folder / METADATA}: expected a database of pictures, but they are in the video "
+            f"{metadata['videoFile']}: write its frames as pictures, with a column Filename"
+        )
+    rows = list(_rows(folder / ENTRIES, _BOB))
+    places = [[_number(row, c, where) / 1e3 for c in _BOB[1:3]] for row, where in rows]
+    yaws = [_number(row, _BOB[3], where) for row, where in rows]
+    told = headings or metadata.get("headings") or _headings_of(metadata, places, yaws)
+    if told not in HEADINGS:
+        raise ImageError(
+            f"{folder / METADATA}: expected headings of {' or '.join(HEADINGS)}, got {told!r}"
+        )
+    model = "mirror" if metadata.get("needsUnwrapping") else None
+    known = {*_BOB, *_GRID, _OWN, "Z [mm]", "Pitch [degrees]", "Roll [degrees]"}
+    entries = []
+    for (row, where), xy, yaw in zip(rows, places, yaws, strict=True):
+        own = row.get(_OWN)
+        up_m = (_maybe(row, "Z [mm]", where) or 0.0) / 1e3
+        pitch, roll = (_maybe(row, f"{n} [degrees]", where) for n in ("Pitch", "Roll"))
+        grid = [int(n) for n in (_maybe(row, name, where) for name in _GRID) if n is not None]
+        entries.append(
+            DatabaseEntry(
+                _inside(folder, own or row["Filename"], where),
+                Pose(xy[0], xy[1], _yaw_rad(yaw, told)),
+                up_m if up_m > 0 else None,
+                None if pitch is None else math.radians(pitch),
+                None if roll is None else math.radians(roll),
+                "panorama" if own else model,
+                grid=(grid[0], grid[1], grid[2]) if len(grid) == 3 else None,
+                more={k: v for k, v in row.items() if k not in known},
+            )
+        )
+    return entries
+
+
+def read_metadata(folder: Path) -> dict[str, Any]:
+    """What ``database_metadata.yaml`` says under ``metadata``; empty if there is no such file.
+
+    ImageError if it is no YAML of that layout. OpenCV's directive in the first line is no YAML.
+    """
+    file = folder / METADATA
+    if not file.is_file():
+        return {}
+    lines = read_text(file).splitlines()
+    try:
+        told = yaml.safe_load("\n".join(line for line in lines if not line.startswith("%")))
+        metadata = told["metadata"]
+        if not isinstance(metadata, dict):
+            raise TypeError("metadata: no table")
+        return metadata
+    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError) as error:
+        raise ImageError(
+            f"{file}: expected Brains on Board's layout, a table `metadata` ({error})"
+        ) from error
+
+
+def _headings_of(metadata: Mapping[str, Any], places: list[list[float]], yaws: list[float]) -> str:
+    """Pictures that Brains on Board's ant world drew count clockwise from y."""
+    camera = metadata.get("camera")
+    if isinstance(camera, dict) and camera.get("name") == "opengl":
+        return "compass"
+    return _headings_of_a_way(places, yaws)
+
+
+def _headings_of_a_way(places: list[list[float]], yaws_deg: list[float]) -> str:
+    """ "compass" if headings so read look along the way taken, and not so if they are read else."""
+    steps = [
+        (math.atan2(b[1] - a[1], b[0] - a[0]), yaw)
+        for (a, b), yaw in zip(pairwise(places), yaws_deg, strict=False)
+        if a != b
+    ]
+    if not steps:
+        return HEADINGS[0]
+    off_rad = [
+        float(np.median([abs(wrap_angle_rad(way - _yaw_rad(yaw, told))) for way, yaw in steps]))
+        for told in HEADINGS
+    ]
+    return HEADINGS[off_rad[1] < min(_ALIKE_RAD, off_rad[0] / 2)]
+
+
+def _yaw_rad(heading_deg: float, told: str) -> float:
+    turned_deg = 90 - heading_deg if told == "compass" else heading_deg
+    return float(wrap_angle_rad(math.radians(turned_deg % 360)))
+
+
+def _zind(folder: Path) -> list[DatabaseEntry]:
+    """Panoramas of the floors whose scale is known; a room is what ZInD calls a complete room."""
+    try:
+        told = json.loads(read_text(folder / TOUR))
+        rooms = [
+            (floor, scale_m, partial_rooms)
+            for floor, complete in told["merger"].items()
+            if (scale_m := told["scale_meters_per_coordinate"][floor])
+            for partial_rooms in complete.values()
+        ]
+        return [
+            _located(folder, room, floor, scale_m, panorama)
+            for room, (floor, scale_m, partial_rooms) in enumerate(rooms)
+            for panoramas in partial_rooms.values()
+            for panorama in panoramas.values()
+        ]
+    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        why = f"{type(error).__name__}: {error}"
+        raise ImageError(f"{folder / TOUR}: expected a tour in ZInD's layout ({why})") from error
+
+
+def _located(
+    folder: Path, room: int, floor: str, scale_m: float, told: dict[str, Any]
+) -> DatabaseEntry:
+    """The floor plan is a mirror image, and the picture's middle looks along its y axis."""
+    placed = told["floor_plan_transformation"]
+    x, y = placed["translation"]
+    yaw_rad = wrap_angle_rad(np.pi / 2 - np.radians(placed["rotation"]))
+    pose = Pose(-float(x) * scale_m, float(y) * scale_m, float(yaw_rad))
+    height_m = float(told["camera_height"]) * placed["scale"] * scale_m
+    if not np.isfinite([*pose.xy_m, pose.yaw_rad, height_m]).all():
+        raise ValueError(f"{told['image_path']}: a number that is none")
+    file = _inside(folder, told["image_path"], str(folder / TOUR))
+    return DatabaseEntry(file, pose, height_m, model="equirectangular", floor=floor, room=room)
+
+
+def read_text(file: Path) -> str:
+    """A text file of a database. ImageError: unreadable, no UTF-8, or a Git LFS pointer."""
+    try:
+        return read_content(file).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise ImageError(f"{file}: expected text in UTF-8 ({error})") from error
+
+
+def _rows(table: Path, needed: tuple[str, ...]) -> Iterator[tuple[dict[str, str], str]]:
+    """Rows by column, blanks around cells cut off, and where each is; empty lines are left out."""
+    reader = csv.reader(read_text(table).splitlines())
+    try:
+        columns = [name.strip() for name in next(reader, [])]
+        missing = [name for name in needed if name not in columns]
+        if missing:
+            raise ImageError(
+                f"{table}: expected the columns {', '.join(needed)}, found no "
+                f"{', '.join(missing)} among {', '.join(columns) or 'none'}"
+            )
+        for cells in reader:
+            where = f"{table}, line {reader.line_num}"
+            if not any(map(str.strip, cells)):
+                continue
+            if len(cells) != len(columns):
+                raise ImageError(f"{where}: expected {len(columns)} cells, got {len(cells)}")
+            yield dict(zip(columns, map(str.strip, cells), strict=True)), where
+    except csv.Error as error:
+        raise ImageError(f"{table}, line {reader.line_num}: no CSV ({error})") from error
+
+
+def _number(row: Mapping[str, str], column: str, where: str) -> float:
+    value = _maybe(row, column, where)
+    if value is None:
+        raise ImageError(f"{where}: expected a number as {column}, got nothing: leave the row out")
+    return value
+
+
+def _maybe(row: Mapping[str, str], column: str, where: str) -> float | None:
+    """None where the column or the number is missing, as NaN says too."""
+    cell = row.get(column, "")
+    try:
+        value = float(cell or "nan")
+    except ValueError:
+        value = math.inf
+    if math.isinf(value) or abs(value) > 1e9:
+        raise ImageError(f"{where}: expected a number as {column}, got {cell!r}: mend the row")
+    return None if math.isnan(value) else value
+
+
+def _inside(folder: Path, name: str, where: str) -> Path:
+    """The file of this name in the folder. Names from elsewhere are not followed out of it."""
+    parts = PurePosixPath(name).parts
+    drive = PureWindowsPath(name).drive
+    if not parts or PurePosixPath(name).is_absolute() or drive or ".." in parts or "\0" in name:
+        raise ImageError(f"{where}: expected a file's name within the folder, got {name!r}")
+    return folder / name
