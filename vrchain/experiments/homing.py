@@ -122,7 +122,7 @@ def answers(
         for row in rows:
             method, compass = METHODS[row.removesuffix(COMPASS)], row.endswith(COMPASS)
             vector = method(views, heading_rad if compass else None)
-            found.append({**start, "method": row, **_answer(vector, pose.yaw_rad, offset_m)})
+            found.append({**start, "method": row, **judged(vector, pose.yaw_rad, offset_m)})
     table = pd.DataFrame(found)
     for row in rows:
         own = table.method == row
@@ -131,7 +131,7 @@ def answers(
     return table.astype({"home": bool})
 
 
-def _answer(vector: HomeVector | None, yaw_rad: float, offset_m: Array) -> dict[str, object]:
+def judged(vector: HomeVector | None, yaw_rad: float, offset_m: Array) -> dict[str, object]:
     """What a home vector says, given at a heading and some metres from home."""
     if vector is None:
         return {"answered": False, "course_rad": np.nan, "error_deg": 90.0, "std_rad": np.nan,
