@@ -209,7 +209,9 @@ def _drawn_suburb(scenes: Scenes, seed: int, k: int) -> Renderer:
     return Renderer(scenes.scene(seed, k))
 
 
-def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
+def returned(
+    around: pd.DataFrame, free: Free, grid: Grid, within_m: float = RETURNED_M
+) -> NDArray[np.bool_]:
     """From which points of one place and method, rows of ``answers``, it comes home: (n,) bool.
 
     The module says by what rules. free: where a robot can stand, offsets from home, (n, 2) -> (n,).
@@ -226,7 +228,7 @@ def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
         away_m, nearest = tree.query(at_m[going])
         inside = (away_m <= grid.spacing_m) & free(at_m[going])
         there = inside & declares[nearest]
-        home[going[there]] = np.hypot(*at_m[going[there]].T) <= RETURNED_M + 1e-6
+        home[going[there]] = np.hypot(*at_m[going[there]].T) <= within_m + 1e-6
         told = courses[nearest]
         course[going] = np.where(np.isnan(told), course[going], told)
         going = going[inside & ~there & ~np.isnan(course[going]) & (steps_left[going] > 0)]

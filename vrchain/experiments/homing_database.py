@@ -6,7 +6,8 @@ is that of the home vector at the start; no answer counts as 90 degrees. An arri
 than 0.3 m from home is false.
 
 *Return*, where the positions form a grid, is that of ``homing``: the robot goes on by the home
-vectors of the nearest pictures, and fails where there are none.
+vectors of the nearest pictures, and fails where there are none. On a coarse grid it has returned
+where home's picture is the nearest.
 
 *Tilt.* Every picture is tilted by one angle about a horizontal axis of its own before it is looked
 at; what comes into view at its upper and lower edge repeats the edge. *Compass.* The true heading
@@ -34,6 +35,7 @@ from vrchain.seeding import generator
 
 SPACING_M = 1.0, 5.0
 BANDS = 3  # of the distance, equally wide
+_CELL = 0.71  # from a cell's middle to its corner, in its sides
 _LEAST_GRID, _EVEN = 9, 0.1  # positions of a grid; by how much its spacing may differ
 
 
@@ -185,8 +187,10 @@ def _with_returns(rows: pd.DataFrame, spacing_m: float | None) -> pd.DataFrame:
         return rows.assign(returned=None)
     tree = cKDTree(rows[["x_m", "y_m"]].to_numpy())
     free: Free = lambda at: tree.query(at)[0] <= spacing_m  # noqa: E731
+    range_m = rows.range_m[rows.range_m > 0].min()
+    within_m = max(RETURNED_M, _CELL * float(range_m))
     for _, own in rows.groupby("method"):
-        rows.loc[own.index, "returned"] = returned(own, free, Grid(spacing_m))
+        rows.loc[own.index, "returned"] = returned(own, free, Grid(spacing_m), within_m)
     return rows
 
 

@@ -179,11 +179,11 @@ def mutual_matches(
     """
     if min(len(a), len(b)) < 2:
         return np.empty(0, dtype=int), np.empty(0, dtype=int)
-    nearest, clear = _nearest(a, b, ratio)
+    nearest, clear = _clearly(a, b, ratio)
     index_a = np.arange(len(a)) if either else np.flatnonzero(clear)
     asked = np.unique(nearest[index_a])  # few pass: the others need not be asked back
     back, clear_back = np.full(len(b), -1), np.zeros(len(b), dtype=bool)
-    back[asked], clear_back[asked] = _nearest(b[asked], a, ratio)
+    back[asked], clear_back[asked] = _clearly(b[asked], a, ratio)
     index_b = nearest[index_a]
     good = (back[index_b] == index_a) & (clear[index_a] | clear_back[index_b])
     if not either:
@@ -191,25 +191,51 @@ def mutual_matches(
     return index_a[good], index_b[good]
 
 
-def _nearest(
+def graded_matches(
+    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32]
+) -> tuple[NDArray[np.int64], NDArray[np.int64], NDArray[np.float64]]:
+    """All that are each other's nearest, (m,) and (m,), and the larger of their two ratios, (m,).
+
+    ``mutual_matches`` of a ratio are those below it.
+    """
+    if min(len(a), len(b)) < 2:
+        return np.empty(0, dtype=int), np.empty(0, dtype=int), np.empty(0)
+    (nearest, *square_a), (back, *square_b) = _nearest(a, b), _nearest(b, a)
+    ratio_a, ratio_b = (
+        np.sqrt(np.maximum(first, 0.0) / np.maximum(second, 1e-12))
+        for first, second in (square_a, square_b)
+    )
+    i = np.flatnonzero(back[nearest] == np.arange(len(a)))
+    j = nearest[i]
+    return i, j, np.maximum(ratio_a[i], ratio_b[j]).astype(float)
+
+
+def _clearly(
     a: NDArray[np.uint8] | NDArray[np.float32],
     b: NDArray[np.uint8] | NDArray[np.float32],
     ratio: float,
 ) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
     """Of each of a the nearest of b, and whether the second nearest is clearly farther."""
+    index, first, second = _nearest(a, b)
+    return index, first < ratio**2 * second
+
+
+def _nearest(
+    a: NDArray[np.uint8] | NDArray[np.float32], b: NDArray[np.uint8] | NDArray[np.float32]
+) -> tuple[NDArray[np.int64], NDArray[np.float32], NDArray[np.float32]]:
+    """Of each of a the nearest of b, and the squares of its distance and of the second nearest."""
     wide_a, wide_b = a.astype(np.float32), b.astype(np.float32)
     norm_a, norm_b = ((wide**2).sum(axis=1) for wide in (wide_a, wide_b))
-    index, clear = np.empty(len(a), dtype=np.int64), np.empty(len(a), dtype=bool)
+    index, first, second = np.empty(len(a), dtype=np.int64), *np.empty((2, len(a)), np.float32)
     for start in range(0, len(a), _ROWS_A_PASS):
         rows = slice(start, start + _ROWS_A_PASS)
         square = wide_a[rows] @ wide_b.T
         square *= -2.0  # in place: new memory takes longer than the sums
         square += norm_b
-        index[rows], first, second = _two_smallest(square)
-        first += norm_a[rows]
-        second += norm_a[rows]
-        clear[rows] = first < ratio**2 * second
-    return index, clear
+        index[rows], first[rows], second[rows] = _two_smallest(square)
+        first[rows] += norm_a[rows]
+        second[rows] += norm_a[rows]
+    return index, first, second
 
 
 def _two_smallest(
