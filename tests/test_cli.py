@@ -242,6 +242,7 @@ COUNTS = [  # command, option, least, most
     ("evaluate search {}", "--by-sift", 0, None),
     ("evaluate search {}", "--suburbs", 1, None),
     ("evaluate homing {}", "--places", 1, None),
+    ("evaluate homing-database {}", "--pairs", 1, None),
     ("evaluate goals {}", "--goals", 1, None),
     ("bench render {}", "--positions", 1, None),
     ("bench landmarks {}", "--positions", 1, None),
@@ -253,7 +254,7 @@ COUNTS = [  # command, option, least, most
 SEEDED = ["navigate {} -o out"] + [
     f"{group} {name}"
     for group, names in {
-        "evaluate": "landmarks degraded strangers search homing navigation goals",
+        "evaluate": "landmarks degraded strangers search homing homing-database navigation goals",
         "bench": "render landmarks planner flood ledger",
     }.items()
     for name in names.split()

@@ -95,14 +95,14 @@ def test_positions_that_form_a_grid_are_known_from_others() -> None:
     ("asked", "word"),
     [
         ({"methods": ["warp"]}, "no homing method warp: there are epipolar"),
-        ({"spacing_m": (4.0, 5.0)}, "the nearest two 0.1 m apart: give another --spacing"),
+        ({"spacing_m": (4.0, 5.0)}, "the nearest two are 0.1 m apart: give another --spacing"),
     ],
 )
 def test_what_cannot_be_asked_is_refused_before_a_picture_is_read(asked: dict, word: str) -> None:
     with pytest.raises(MissionError, match=word):
         evaluate(entries([(0, 0), (0.1, 0), (0.3, 0)]), seed=0, **asked)
     apart = entries([(0, 0)]) + entries([(1.5, 0)], room=1)
-    with pytest.raises(MissionError, match="none among 2"):
+    with pytest.raises(MissionError, match="among 2: no room has two"):
         evaluate(apart, seed=0)
 
 

@@ -36,7 +36,7 @@ from vrchain.seeding import generator
 SPACING_M = 1.0, 5.0
 BANDS = 3  # of the distance, equally wide
 _CELL = 0.71  # from a cell's middle to its corner, in its sides
-_LEAST_GRID, _EVEN = 9, 0.1  # positions of a grid; by how much its spacing may differ
+_LEAST_GRID, _EVEN, _MOST = 9, 0.1, 0.8  # positions of a grid; how even it is, and how many are
 
 
 def evaluate(
@@ -58,10 +58,11 @@ def evaluate(
     unknown = [name for name in methods if name not in METHODS]
     if unknown:
         raise MissionError(f"no homing method {', '.join(unknown)}: there are {', '.join(METHODS)}")
-    homes = _homes(entries, spacing_m, most_pairs, generator(seed, "homes"))
+    spacing = grid_spacing_m(entries)
+    near_m = spacing_m[0] if spacing is None else 0.0  # a robot that returns comes nearer
+    homes = _homes(entries, spacing_m, near_m, most_pairs, generator(seed, "homes"))
     told = [entry.height_m for entry in entries if entry.height_m is not None]
     height_m = float(np.median(told)) if told else CameraRig.camera_height_m
-    spacing = grid_spacing_m(entries)
     found = []
     for tilt_deg in tilts_deg:
         look = cache(partial(_look, entries, height_m, tilt_deg, seed))
@@ -88,16 +89,17 @@ def grid_spacing_m(entries: Sequence[DatabaseEntry]) -> float | None:
     nearest_m = np.sort(cKDTree(points).query(points, k=min(5, len(points)))[0][:, 1:])
     spacing_m = float(np.median(nearest_m[:, 0]))
     even = np.abs(nearest_m[:, :2] - spacing_m) <= _EVEN * spacing_m
-    return spacing_m if even.mean() >= 1 - _EVEN - 0.1 else None
+    return spacing_m if even.mean() >= _MOST else None
 
 
 def _homes(
     entries: Sequence[DatabaseEntry],
     spacing_m: tuple[float, float],
+    near_m: float,
     most_pairs: int,
     draws: np.random.Generator,
 ) -> dict[int, list[int]]:
-    """Starts of each home, itself and what is nearer than asked for among them."""
+    """Starts of each home, those from near_m on, even if nearer than asked for."""
     low, high = spacing_m
     homes: dict[int, list[int]] = {}
     n_pairs, ranges_m = 0, [np.inf]
@@ -111,12 +113,16 @@ def _homes(
         asked = sum(low <= range_m <= high for _, range_m in fellows)
         ranges_m += [range_m for k, range_m in fellows if k != home]
         if asked and (n_pairs == 0 or n_pairs + asked <= most_pairs):
-            homes[home] = [k for k, range_m in fellows if range_m <= high]
+            homes[home] = [k for k, range_m in fellows if near_m <= range_m <= high]
             n_pairs += asked
     if not homes:
+        nearest_m = min(ranges_m)
+        why = "no room has two"
+        if np.isfinite(nearest_m):
+            why = f"the nearest two are {nearest_m:.2g} m apart: give another --spacing"
         raise MissionError(
             f"expected two pictures of one room {low:g} to {high:g} m apart, found none among "
-            f"{len(entries)}, the nearest two {min(ranges_m):.2g} m apart: give another --spacing"
+            f"{len(entries)}: {why}"
         )
     return homes
 
