@@ -17,6 +17,7 @@ from vrchain.panorama.databases import (
     read_database,
     write_database,
 )
+from vrchain.panorama.sources import Source
 from vrchain.seeding import generator
 
 HEAD = "X [mm], Y [mm], Z [mm], Heading [degrees], Filename"
@@ -44,7 +45,7 @@ def test_a_plain_table(tmp_path: Path) -> None:
     a, b = read_database(tmp_path)
     assert a.file == tmp_path / "a.jpg" and near(a.pose, 1.5, -2.0, 90.0)
     assert b.file == tmp_path / "sub" / "b.jpg" and near(b.pose, 0.0, 0.0, 10.0)
-    assert a.height_m is None and a.model is None and a.pitch_rad is None
+    assert a.height_m is None and a.source == Source() and a.pitch_rad is None
 
 
 def test_a_grid_of_brains_on_board(tmp_path: Path) -> None:
@@ -59,7 +60,7 @@ def test_a_grid_of_brains_on_board(tmp_path: Path) -> None:
     assert a.pitch_rad == pytest.approx(math.radians(5)) and a.roll_rad is None
     assert b.pitch_rad is None and b.roll_rad == pytest.approx(math.radians(-3))
     assert (a.grid, b.grid) == ((1, 2, 0), (0, 0, 0))
-    assert a.model == "mirror" and dict(a.more) == {"Timestamp [ms]": "17"}
+    assert a.source.model == "mirror" and dict(a.more) == {"Timestamp [ms]": "17"}
 
 
 @pytest.mark.parametrize(
@@ -106,7 +107,7 @@ def test_a_tour_of_zind(tmp_path: Path) -> None:
     (entry,) = read_database(zind(tmp_path))
     assert near(entry.pose, -2.0, 4.0, 60.0)
     assert entry.height_m == pytest.approx(2.2)
-    assert (entry.floor, entry.model) == ("floor_01", "equirectangular")
+    assert (entry.floor, entry.source.model) == ("floor_01", "equirectangular")
 
 
 @pytest.mark.parametrize("name", ["../a.png", "/etc/passwd", "", "C:/a.png", "a/../../b.png"])
@@ -142,7 +143,7 @@ def test_bad_rows_are_named(tmp_path: Path, rows: str, word: str) -> None:
         ("X [mm], Y [mm], Filename\n", None, "found no Heading [degrees] among X [mm]"),
         ("", None, "among none"),
         (f"{HEAD}\n", "   videoFile: a.mp4\n", "in the video a.mp4"),
-        (f"{HEAD}\n", "  - : [\n", "expected Brains on Board's layout"),
+        (f"{HEAD}\n", "  - : [\n", "expected a table in YAML"),
         (f"{HEAD}\n", "   3\n", "expected Brains on Board's layout"),
         (f"{HEAD}\n0,0,0,0,a.png\n", "   headings: north\n", "math or compass, got 'north'"),
         ("version https://git-lfs.github.com/spec/v1\n", None, "Git LFS pointer"),
@@ -165,7 +166,7 @@ def test_other_folders_are_none(tmp_path: Path) -> None:
     with pytest.raises(ImageError, match="UTF-8"):
         read_database(tmp_path)
     (tmp_path / TOUR).write_text("[" * 100_000)
-    with pytest.raises(ImageError, match="ZInD"):
+    with pytest.raises(ImageError, match="JSON"):
         read_database(tmp_path)
 
 

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,8 @@ from worlds import yard
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig, encode_png, import_panorama
-from vrchain.panorama.sources import equirectangular, from_equirectangular
+from vrchain.panorama.models import equirectangular
+from vrchain.panorama.sources import Source, from_equirectangular
 from vrchain.world.render import Renderer
 
 
@@ -75,15 +77,25 @@ def test_another_picture_is_refused(picture: NDArray, word: str) -> None:
 def test_files(tmp_path: Path) -> None:
     (tmp_path / "sphere.png").write_bytes(encode_png(coloured(512)))
     (tmp_path / "none.jpg").write_text("no picture")
-    found = import_panorama(tmp_path / "sphere.png", camera_height_m=0.7)
-    assert np.array_equal(found.views, from_equirectangular(coloured(512), 0.7).views)
+    (tmp_path / "pointer.jpg").write_text("version https://git-lfs.github.com/spec/v1\noid 1\n")
+    source = Source("equirectangular", camera_height_m=0.7)
+    found = import_panorama(tmp_path / "sphere.png", source)
+    assert np.array_equal(found.panorama.views, from_equirectangular(coloured(512), 0.7).views)
+    assert found.panorama.seen is None and found.upsampled == pytest.approx(1, abs=0.01)
+    assert found.about == {
+        "source": [str(tmp_path / "sphere.png")],
+        "model": "equirectangular",
+        "tilt_corrected": False,
+    }
     for name, word in (("none.jpg", "none.jpg"), ("missing.jpg", "missing.jpg")):
         with pytest.raises(ImageError, match=word):
-            import_panorama(tmp_path / name)
-    with pytest.raises(ImageError, match="model of equirectangular, got 'fisheye'"):
-        import_panorama(tmp_path / "sphere.png", "fisheye")
+            import_panorama(tmp_path / name, source)
+    with pytest.raises(ImageError, match="Git LFS pointer"):
+        import_panorama(tmp_path / "pointer.jpg")
+    with pytest.raises(ImageError, match=r"full sphere\? Then say --model equirectangular"):
+        import_panorama(tmp_path / "sphere.png")
     with pytest.raises(SpecError, match="camera_height_m"):
-        import_panorama(tmp_path / "sphere.png", camera_height_m=0.0)
+        import_panorama(tmp_path / "sphere.png", replace(source, camera_height_m=0.0))
 
 
 def test_a_rendered_panorama_comes_back() -> None:
