@@ -169,6 +169,9 @@ class Panorama:
     def signature(self) -> NDArray[np.float32]:
         """A small grey cylinder, (16, 180) float32, to judge by how much the view has changed."""
         grey = cv2.cvtColor(self.cylinder, cv2.COLOR_RGB2GRAY)
+        if self.seen_cylinder is not None:  # the rest says nothing, as if it were its row's mean
+            level = np.ma.masked_array(grey, ~self.seen_cylinder).mean(axis=1).filled(0)
+            grey = np.where(self.seen_cylinder, grey, level[:, None].astype(np.uint8))
         return cv2.resize(grey, (180, 16), interpolation=cv2.INTER_AREA).astype(np.float32)
 
 
