@@ -7,16 +7,21 @@ import pytest
 
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose
-from vrchain.panorama import CameraRig, Panorama, read_image
+from vrchain.panorama import CameraRig, Panorama, encode_png, read_image
 from vrchain.panorama.databases import (
     ENTRIES,
     METADATA,
     TOUR,
     DatabaseEntry,
+    entry_of,
+    height_of,
+    opened,
     panorama_of,
     read_database,
+    source_of,
     write_database,
 )
+from vrchain.panorama.models import Mirror
 from vrchain.panorama.sources import Source
 from vrchain.seeding import generator
 
@@ -61,6 +66,43 @@ def test_a_grid_of_brains_on_board(tmp_path: Path) -> None:
     assert b.pitch_rad is None and b.roll_rad == pytest.approx(math.radians(-3))
     assert (a.grid, b.grid) == ((1, 2, 0), (0, 0, 0))
     assert a.source.model == "mirror" and dict(a.more) == {"Timestamp [ms]": "17"}
+
+
+RING = "{ centre: [0.5, 0.4], inner: 0.1, outer: 0.4, offsetDegrees: -90, flip: 1 }"
+
+
+@pytest.mark.parametrize("beside", [False, True])
+def test_mirrors_parameters_are_in_the_metadata_or_beside_them(
+    tmp_path: Path, beside: bool
+) -> None:
+    metadata = "   needsUnwrapping: 1\n   camera: { name: see3cam }\n"
+    metadata += "" if beside else f"   unwrapper: {RING}\n"
+    told = f"%YAML:1.0\n---\nunwrapper: {RING}\n" if beside else "{}"
+    (tmp_path / "see3cam.yaml").write_text(told)
+    (entry,) = read_database(brains_on_board(tmp_path, f"{HEAD}\n0,0,0,30,a.png\n", metadata))
+    assert entry.source == Source("mirror", mirror=Mirror((0.5, 0.4), 0.1, 0.4, -90.0, True))
+    (tmp_path / "see3cam.yaml").write_text("unwrapper: {centre: 3}")
+    if beside:
+        with pytest.raises(ImageError, match="expected an unwrapper's centre"):
+            read_database(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("camera", "elevations_deg"),
+    [
+        ("{ name: opengl }", (-15, 60)),
+        ("{ resolution: [360, 90] }", (-45, 45)),
+        ("{ resolution: [360, 180] }", (-90, 90)),
+        ("{ resolution: 3 }", None),
+        ("3", None),
+    ],
+)
+def test_unwrapped_pictures_are_a_turn_wide(
+    tmp_path: Path, camera: str, elevations_deg: tuple[int, int] | None
+) -> None:
+    metadata = f"   needsUnwrapping: 0\n   camera: {camera}\n"
+    (entry,) = read_database(brains_on_board(tmp_path, f"{HEAD}\n0,0,0,30,a.png\n", metadata))
+    assert entry.source == Source("equirectangular", elevations_deg=elevations_deg)
 
 
 @pytest.mark.parametrize(
@@ -195,3 +237,45 @@ def test_what_is_written_is_read_again(tmp_path: Path, cells: tuple | None) -> N
     for entry, again, panorama in zip(entries, read_database(tmp_path), panoramas, strict=True):
         assert near(again.pose, *entry.pose.xy_m, math.degrees(entry.pose.yaw_rad))
         assert np.array_equal(read_image(again.file), panorama.cylinder)
+
+
+def test_one_rig_for_all_and_options_before_what_is_told(tmp_path: Path) -> None:
+    """Pictures of two sizes; a tilt in a row is corrected unless an option says another."""
+    rows = f"{HEAD}, Pitch [degrees]\n0,0,700,0,a.png,3\n0,0,900,0,b.png,nan\n"
+    brains_on_board(tmp_path, rows, "   needsUnwrapping: 0\n")
+    for name, width_px in (("a", 512), ("b", 800)):
+        picture = np.full((width_px // 2, width_px, 3), 9, dtype=np.uint8)
+        (tmp_path / f"{name}.png").write_bytes(encode_png(picture))
+    entries = read_database(tmp_path)
+    assert height_of(entries) == pytest.approx(0.8)
+    upsampled: list[float] = []
+    a, b = (p.rig for _, p in opened(entries, Source(camera_height_m=0.8), upsampled))
+    assert a == b and a.camera_height_m == 0.8
+    assert upsampled == [pytest.approx(1, abs=0.02), pytest.approx(512 / 800, abs=0.02)]
+    told = source_of(entries[0])
+    assert (told.pitch_deg, told.camera_height_m) == (pytest.approx(3), 0.7)
+    assert source_of(entries[0], Source(pitch_deg=1.0)).pitch_deg == 1.0
+    assert panorama_of(entries[0]).rig.camera_height_m == 0.7
+
+
+@pytest.mark.parametrize(
+    ("content", "word"),
+    [(None, "No such file"), (b"", "expected an image"), (b"\xff\xd8\xff", "expected an image"),
+     (b"version https://git-lfs.github.com/spec/v1\n", "Git LFS pointer")],
+)  # fmt: skip
+def test_a_picture_that_cannot_be_read_is_named(
+    tmp_path: Path, content: bytes | None, word: str
+) -> None:
+    plain(tmp_path, "a.png,0,0,0\n")
+    if content is not None:
+        (tmp_path / "a.png").write_bytes(content)
+    with pytest.raises(ImageError) as refused:
+        list(opened(read_database(tmp_path), Source("equirectangular")))
+    assert word in str(refused.value) and "a.png" in str(refused.value)
+
+
+@pytest.mark.parametrize("told", ["{}", '{"pose": 3}', '{"pose": {"x_m": 1, "y_m": NaN}}', "{"])
+def test_a_panorama_without_a_position_is_no_entry(tmp_path: Path, told: str) -> None:
+    (tmp_path / "panorama.json").write_text(told)
+    with pytest.raises(ImageError, match=r"panorama\.json: expected a"):
+        entry_of(tmp_path)

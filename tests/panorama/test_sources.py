@@ -154,7 +154,8 @@ def test_six_faces_are_known_by_their_names(names: str, tmp_path: Path) -> None:
         (Source("equirectangular", elevations_deg=(-30, 30)), (400, 100), None),
         (Source("equirectangular", elevations_deg=(70, 90)), (400, 100), "mend --pitch"),
         (Source("fisheye", pitch_deg=90), (400, 400), None),
-        (Source("mirror"), (640, 480), None),
+        (Source("mirror", mirror=Mirror()), (640, 480), None),
+        (Source("mirror"), (640, 480), "give --inner and --outer"),
     ],
 )
 def test_shapes(source: Source, size: tuple[int, int], word: str | None, tmp_path: Path) -> None:
@@ -184,6 +185,7 @@ def test_upsampling_is_told(tmp_path: Path) -> None:
         ({"pitch_deg": float("nan")}, "pitch_deg must lie"),
         ({"elevations_deg": (30.0, -30.0)}, "the lower first, got 30 -30"),
         ({"mirror": Mirror(inner=0.5, outer=0.1)}, "inner radius below its outer"),
+        ({"mirror": Mirror(offset_deg=float("inf"))}, "inner radius below its outer"),
         ({"faces": "front"}, "the letters frblud in some order, got 'front'"),
         ({"columns": 3}, "columns must lie"),
     ],

@@ -41,7 +41,7 @@ class Source:
     pitch_deg: float | None = None
     roll_deg: float | None = None
     camera_height_m: float = CameraRig.camera_height_m
-    mirror: Mirror = Mirror()  # noqa: RUF009
+    mirror: Mirror | None = None
     faces: str | None = None
     calibration: tuple[Path, ...] = ()
     bearings_deg: tuple[float, ...] = ()
@@ -66,8 +66,11 @@ class Source:
             raise ImageError(
                 f"expected elevations from -90 to 90, the lower first, got {low:g} {high:g}"
             )
-        ring = self.mirror
-        if not 0 <= ring.inner < ring.outer <= 4 or not np.isfinite(ring.centre).all():
+        ring = self.mirror or Mirror()
+        if (
+            not 0 <= ring.inner < ring.outer <= 4
+            or not np.isfinite([*ring.centre, ring.offset_deg]).all()
+        ):
             raise ImageError(
                 "expected a mirror's inner radius below its outer, shares of the picture's height, "
                 f"got {ring.inner:g} and {ring.outer:g}"
@@ -97,6 +100,11 @@ def cameras_of(
         return [_cube(images, files, source)]
     if model == "mirror":
         low, high = map(math.radians, source.elevations_deg or (math.nan, math.nan))
+        if source.mirror is None:
+            raise ImageError(
+                f"{what}: expected the mirror's parameters: give --inner and --outer, its radii as "
+                "shares of the picture's height, and --centre"
+            )
         ring = source.mirror
         if source.elevations_deg:
             ring = replace(ring, lowest_rad=low, highest_rad=high)

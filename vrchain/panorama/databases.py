@@ -192,7 +192,7 @@ def _source_of_all(folder: Path, metadata: Mapping[str, Any]) -> Source:
         ring = metadata.get("unwrapper")
         if ring is None and name and beside.is_file():
             ring = read_yaml(beside).get("unwrapper")
-        return Source("mirror", mirror=Mirror() if ring is None else mirror_of(ring, str(folder)))
+        return Source("mirror", mirror=None if ring is None else mirror_of(ring, str(folder)))
     if name == "opengl":
         return Source("equirectangular", elevations_deg=_ANT_WORLD_DEG)
     try:
