@@ -109,6 +109,7 @@ def test_a_rendered_panorama_comes_back() -> None:
 
 
 def save(path: Path, picture: NDArray[np.uint8]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
     path.write_bytes(encode_png(picture))
     return path
 
@@ -129,12 +130,13 @@ def test_a_ring_of_ours_comes_back_pixel_by_pixel(tmp_path: Path) -> None:
             import_panorama(files[:2], replace(source, bearings_deg=bearings))
 
 
+@pytest.mark.parametrize("named", ["cube_{}.png", "{}/0/0.png"])
 @pytest.mark.parametrize("names", ["frblud", "ubdlrf"])
-def test_six_faces_are_known_by_their_names(names: str, tmp_path: Path) -> None:
+def test_six_faces_are_known_by_their_names(names: str, named: str, tmp_path: Path) -> None:
     """In whatever order they are given, ahead is ahead."""
     colour = {face: 20 + 30 * k for k, face in enumerate("frblud")}
     files = [
-        save(tmp_path / f"cube_{name}.png", np.full((128, 128, 3), colour[name], np.uint8))
+        save(tmp_path / named.format(name), np.full((128, 128, 3), colour[name], np.uint8))
         for name in names
     ]
     middle = import_panorama(files, Source("cubemap")).panorama.cylinder

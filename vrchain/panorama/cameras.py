@@ -174,12 +174,16 @@ def _cube(images: Sequence[NDArray[np.uint8]], files: Sequence[Path], source: So
 
 
 def _named_faces(files: Sequence[Path]) -> str:
-    """The faces by their names' last letter or word, front as f; empty if they do not tell."""
-    words = [re.split(r"[^a-z]+", file.stem.lower())[-1] for file in files]
+    """The faces by the last letter or word of their names, or of a folder's; empty: not told."""
     long = {"front": "f", "right": "r", "back": "b", "left": "l", "up": "u", "down": "d",
             "top": "u", "bottom": "d"}  # fmt: skip
-    letters = [long.get(word, word) for word in words]
-    return "".join(letters) if sorted(letters) == sorted(FACES) else ""
+    paths = [file.with_suffix("").parts[::-1] for file in files]
+    for names in zip(*paths, strict=False):
+        words = [re.split(r"[^a-z]+", name.lower())[-1] for name in names]
+        letters = [long.get(word, word) for word in words]
+        if sorted(letters) == sorted(FACES):
+            return "".join(letters)
+    return ""
 
 
 def _ring(images: Sequence[NDArray[np.uint8]], source: Source) -> list[Camera]:
