@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,7 @@ from vrchain.panorama.databases import (
     DatabaseEntry,
     entry_of,
     height_of,
+    on_floor,
     opened,
     panorama_of,
     read_database,
@@ -51,6 +53,14 @@ def test_a_plain_table(tmp_path: Path) -> None:
     assert a.file == tmp_path / "a.jpg" and near(a.pose, 1.5, -2.0, 90.0)
     assert b.file == tmp_path / "sub" / "b.jpg" and near(b.pose, 0.0, 0.0, 10.0)
     assert a.height_m is None and a.source == Source() and a.pitch_rad is None
+
+
+def test_a_plain_table_may_tell_more(tmp_path: Path) -> None:
+    rows = "filename,x_m,y_m,heading_deg,height_m,pitch_deg,roll_deg,when\na.jpg,1,2,3,0.4,5,,17\n"
+    (tmp_path / "poses.csv").write_text(rows)
+    (entry,) = read_database(tmp_path)
+    assert (entry.height_m, entry.roll_rad, dict(entry.more)) == (0.4, None, {"when": "17"})
+    assert entry.pitch_rad == pytest.approx(math.radians(5))
 
 
 def test_a_grid_of_brains_on_board(tmp_path: Path) -> None:
@@ -150,6 +160,16 @@ def test_a_tour_of_zind(tmp_path: Path) -> None:
     assert near(entry.pose, -2.0, 4.0, 60.0)
     assert entry.height_m == pytest.approx(2.2)
     assert (entry.floor, entry.source.model) == ("floor_01", "equirectangular")
+
+
+def test_one_floor_has_one_frame(tmp_path: Path) -> None:
+    (low,) = read_database(zind(tmp_path))
+    high = replace(low, floor="floor_02")
+    assert on_floor([low], None) == on_floor([low, high], "floor_01") == [low]
+    with pytest.raises(ImageError, match=r"several floors.* --floor, of floor_01, floor_02"):
+        on_floor([low, high], None)
+    with pytest.raises(ImageError, match="no floor attic: choose one"):
+        on_floor([low, high], "attic")
 
 
 @pytest.mark.parametrize("name", ["../a.png", "/etc/passwd", "", "C:/a.png", "a/../../b.png"])

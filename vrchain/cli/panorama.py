@@ -204,6 +204,7 @@ def import_database(
             "without, as the metadata or the way taken say."
         ),
     ] = None,
+    floor: Annotated[str | None, typer.Option(help="Of a house in ZInD's layout.")] = None,
 ) -> None:
     """Make panoramas of an image database, with their positions: of Brains on Board, ZInD, or CSV.
 
@@ -212,12 +213,13 @@ def import_database(
     from vrchain.panorama.databases import (
         ENTRIES,
         height_of,
+        on_floor,
         opened,
         read_database,
         write_database,
     )
 
-    entries = read_database(folder, headings)
+    entries = on_floor(read_database(folder, headings), floor)
     if output.resolve() == folder.resolve() or folder.resolve().is_relative_to(output.resolve()):
         raise OutputError(f"the database lies in {output}: choose another -o")
     check_output_folder(output, ENTRIES)

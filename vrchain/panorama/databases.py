@@ -21,6 +21,7 @@ from vrchain.panorama.entries import (
     DatabaseEntry,
     entry_of,
     height_of,
+    on_floor,
     opened,
     panorama_of,
     source_of,
@@ -31,8 +32,8 @@ from vrchain.panorama.sources import Source
 from vrchain.panorama.tables import inside, maybe, number, read_json, read_yaml, rows_of
 
 __all__ = [
-    "ENTRIES", "HEADINGS", "METADATA", "TOUR", "DatabaseEntry", "entry_of", "height_of", "opened",
-    "panorama_of", "read_database", "read_metadata", "source_of", "write_database",
+    "ENTRIES", "HEADINGS", "METADATA", "TOUR", "DatabaseEntry", "entry_of", "height_of", "on_floor",
+    "opened", "panorama_of", "read_database", "read_metadata", "source_of", "write_database",
 ]  # fmt: skip
 
 ENTRIES, METADATA = "database_entries.csv", "database_metadata.yaml"  # Brains on Board
@@ -110,19 +111,27 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
 
 
 def _plain(table: Path, headings: str | None) -> list[DatabaseEntry]:
+    """height_m, pitch_deg and roll_deg may be told too."""
     rows = list(rows_of(table, _PLAIN))
     yaws = [number(row, "heading_deg", where) for row, where in rows]
     places = [[number(row, c, where) for c in ("x_m", "y_m")] for row, where in rows]
     told = headings or _headings_of_a_way(places, yaws)
+    known = (*_PLAIN, "height_m", "pitch_deg", "roll_deg")
     return [
         DatabaseEntry(
             inside(table.parent, row["filename"], where),
             Pose(xy[0], xy[1], _yaw_rad(yaw, told)),
             maybe(row, "height_m", where),
-            more={k: v for k, v in row.items() if k not in (*_PLAIN, "height_m")},
+            _rad(maybe(row, "pitch_deg", where)),
+            _rad(maybe(row, "roll_deg", where)),
+            more={k: v for k, v in row.items() if k not in known},
         )
         for (row, where), xy, yaw in zip(rows, places, yaws, strict=True)
     ]
+
+
+def _rad(angle_deg: float | None) -> float | None:
+    return None if angle_deg is None else math.radians(angle_deg)
 
 
 def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
@@ -154,8 +163,8 @@ def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
                 inside(folder, own or row["Filename"], where),
                 Pose(xy[0], xy[1], _yaw_rad(yaw, told)),
                 up_m if up_m > 0 else None,
-                None if pitch is None else math.radians(pitch),
-                None if roll is None else math.radians(roll),
+                _rad(pitch),
+                _rad(roll),
                 source,
                 bool(own),
                 grid=(grid[0], grid[1], grid[2]) if len(grid) == 3 else None,

@@ -1,7 +1,7 @@
 """An entry of an image database: a picture, its pose, and the panorama that is made of it."""
 
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
@@ -88,6 +88,17 @@ def opened(
                 upsampled.append(imported.upsampled)
         rig = rig or panorama.rig
         yield entry, panorama
+
+
+def on_floor(entries: Sequence[DatabaseEntry], floor: str | None) -> list[DatabaseEntry]:
+    """Entries that share one frame. ImageError: there are several floors, and none is chosen."""
+    floors = sorted({entry.floor for entry in entries})
+    if floor is None and len(floors) == 1:
+        floor = floors[0]
+    if floor not in floors:
+        told = "several floors, each of its own frame" if floor is None else f"no floor {floor}"
+        raise ImageError(f"{told}: choose one by --floor, of {', '.join(floors) or 'none'}")
+    return [entry for entry in entries if entry.floor == floor]
 
 
 def height_of(entries: Iterable[DatabaseEntry]) -> float:
