@@ -428,8 +428,12 @@ def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> 
     assert one.rig == also.rig and one.rig.camera_height_m == 1.4
     assert np.array_equal(one.views, also.views)
     assert not np.array_equal(one.views, Panorama.load(tmp_path / "two/b").views)
+    strip = ("panorama", "import", tmp_path / "photo.png", "--model", "cylinder")
+    good(here(*strip, "-o", tmp_path / "like", "--like", tmp_path / "one"))
+    assert Panorama.load(tmp_path / "like").rig == one.rig
     before = everything(tmp_path)
     out = tmp_path / "out"
+    assert "no panorama" in refused(*strip, "-o", out, "--like", tmp_path)
     assert "photo.png" in refused(*command, a, tmp_path / "photo.png", "-o", out)
     assert "none.png" in refused(*command, a, tmp_path / "none.png", "-o", out)
     assert "different names" in refused(*command, a, a, "-o", out)
@@ -442,7 +446,9 @@ def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> 
     assert "say --model equirectangular" in refused("panorama", "import", a, "-o", out)
     assert "inner radius" in refused(*command, a, "-o", out, "--model", "mirror", "--inner", 2)
     assert "expected --elevations" in refused("panorama", "import", a, "--elevations", 3)
-    assert "camera_info" in refused(*command, a, a, "-o", out, "--calibration", tmp_path / "no")
+    assert "model views alone" in refused(*command, a, "-o", out, "--calibration", a)
+    said = refused("panorama", "import", a, b, "-o", out, "--calibration", a, "--calibration", b)
+    assert "a.png" in said
     assert everything(tmp_path) == before
 
 

@@ -136,12 +136,18 @@ def import_(
         ),
     ] = None,
     columns: Columns = None,
+    like: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="PANORAMA", help="With the rig of this one, its height too, to compare them."
+        ),
+    ] = None,
 ) -> None:
     """Make panoramas of another camera's pictures: IMAGE's in DIR; of several, each in DIR/NAME.
 
     Six pictures of a cubemap, and all views of a ring, are one panorama.
     """
-    from vrchain.panorama import MARKER
+    from vrchain.panorama import MARKER, Panorama
     from vrchain.panorama.sources import import_panorama
 
     source = _source(
@@ -165,11 +171,12 @@ def import_(
     if len({*names, _SEVERAL}) <= len(names):
         raise OutputError(f"expected pictures of different names, got {', '.join(names)}: rename")
     marker = MARKER if len(together) == 1 else _SEVERAL
+    rig = None if like is None else Panorama.load(like).rig
     most = 1.0
     with output_folder(output, marker) as folder:
         for name, group in zip(names, together, strict=True):
             with doing(f"importing {group[0]}"):
-                imported = import_panorama(group, source)
+                imported = import_panorama(group, source, rig)
                 own = folder if len(together) == 1 else folder / name
                 own.mkdir(exist_ok=True)
                 imported.panorama.save(own, imported.about)

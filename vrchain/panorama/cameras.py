@@ -78,6 +78,15 @@ class Source:
         if self.faces is not None and sorted(self.faces) != sorted(FACES):
             raise ImageError(f"expected the letters {FACES} in some order, got {self.faces!r}")
 
+        owners = {"mirror": "mirror", "faces": "cubemap", "calibration": "views",
+                  "bearings_deg": "views"}  # fmt: skip
+        for name, owner in owners.items():
+            if getattr(self, name) and self.model not in (None, owner):
+                raise ImageError(
+                    f"{name.removesuffix('_deg')}: is told of the model {owner} alone, got the "
+                    f"model {self.model}"
+                )
+
     @property
     def several(self) -> bool:
         """Whether many pictures make one panorama."""
