@@ -15,6 +15,7 @@ with a normal error; a row of each deviation.
 """
 
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
 
@@ -131,7 +132,7 @@ def _look(
     entries: Sequence[DatabaseEntry], height_m: float, tilt_deg: float, seed: int, k: int
 ) -> Snapshot:
     """The snapshot of a picture, tilted."""
-    panorama = panorama_of(entries[k], height_m)
+    panorama = panorama_of(replace(entries[k], height_m=height_m))
     if not panorama.rig.closed:
         raise ImageError(f"{entries[k].file}: expected a panorama all around, got a view")
     axis_rad = generator(seed, "tilt", k).uniform(-np.pi, np.pi)
@@ -143,17 +144,22 @@ def tilted(panorama: Panorama, tilt_rad: float, axis_rad: float) -> Panorama:
     axis = np.array([np.cos(axis_rad), np.sin(axis_rad), 0.0])
     turn = cv2.Rodrigues(axis * tilt_rad)[0]
     rig, views = panorama.rig, np.empty_like(panorama.views)
-    for view, rays in zip(views, rig.ray_directions(), strict=True):
+    seen = None if panorama.seen is None else np.empty_like(panorama.seen)
+    for n, (view, rays) in enumerate(zip(views, rig.ray_directions(), strict=True)):
         x, y, z = np.moveaxis(rays @ turn.T, -1, 0)
         bearing, slope = np.arctan2(y, x), z / np.hypot(x, y)
         owner = rig.view_of_bearing(bearing)
         x_px, y_px = (p.astype(np.float32) for p in rig.project(owner, bearing, slope))
         for k in np.unique(owner):
-            seen = cv2.remap(
+            own = owner == k
+            drawn = cv2.remap(
                 panorama.views[k], x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
             )
-            view[owner == k] = seen[owner == k]
-    return Panorama(rig, views)
+            view[own] = drawn[own]
+            if seen is not None and panorama.seen is not None:
+                whole = panorama.seen[k].astype(np.uint8)
+                seen[n][own] = cv2.remap(whole, x_px, y_px, cv2.INTER_NEAREST)[own] > 0
+    return Panorama(rig, views, seen)
 
 
 def _from(

@@ -6,23 +6,35 @@ Read are Brains on Board's (``database_entries.csv``, ``database_metadata.yaml``
 """
 
 import csv
-import json
 import math
-from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict
 from itertools import pairwise
-from pathlib import Path, PurePosixPath, PureWindowsPath
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import numpy as np
-import yaml
 
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.panorama.codec import read_content
+from vrchain.panorama.entries import (
+    DatabaseEntry,
+    entry_of,
+    height_of,
+    on_floor,
+    opened,
+    panorama_of,
+    source_of,
+)
+from vrchain.panorama.models import Mirror
 from vrchain.panorama.panorama import Panorama
-from vrchain.panorama.rig import CameraRig
-from vrchain.panorama.sources import import_panorama
+from vrchain.panorama.sources import Source
+from vrchain.panorama.tables import inside, maybe, number, read_json, read_yaml, rows_of
+
+__all__ = [
+    "ENTRIES", "HEADINGS", "METADATA", "TOUR", "DatabaseEntry", "entry_of", "height_of", "on_floor",
+    "opened", "panorama_of", "read_database", "read_metadata", "source_of", "write_database",
+]  # fmt: skip
 
 ENTRIES, METADATA = "database_entries.csv", "database_metadata.yaml"  # Brains on Board
 TOUR = "zind_data.json"
@@ -31,31 +43,8 @@ _BOB = ("Filename", "X [mm]", "Y [mm]", "Heading [degrees]")
 _OWN = "Panorama"  # a column of ours: the folder of the panorama that the picture was made of
 _GRID = ("Grid X", "Grid Y", "Grid Z")
 HEADINGS = "math", "compass"  # anticlockwise from x, or clockwise from y
+_ANT_WORLD_DEG = (-15.0, 60.0)  # the elevations that its pictures show
 _ALIKE_RAD = math.radians(20.0)  # headings that fit the way taken as well as that look along it
-
-
-@dataclass(frozen=True)
-class DatabaseEntry:
-    """A picture, and from where it was taken.
-
-    file: the picture, or the folder of a panorama of ours where ``model`` is "panorama". pose: of
-    the camera in the world; its yaw is where the picture's middle looks. height_m: above the
-    ground. pitch_rad (middle looks up), roll_rad (right side goes down): None where not told.
-    model: how the picture is to be read, a name of ``sources.MODELS``; None: not told. floor, room:
-    only positions on one floor have one frame. grid: the cell, where the positions are a grid.
-    more: what else its row says.
-    """
-
-    file: Path
-    pose: Pose
-    height_m: float | None = None
-    pitch_rad: float | None = None
-    roll_rad: float | None = None
-    model: str | None = None
-    floor: str = ""
-    room: int = 0
-    grid: tuple[int, int, int] | None = None
-    more: Mapping[str, str] = field(default_factory=dict)
 
 
 def read_database(folder: str | Path, headings: str | None = None) -> list[DatabaseEntry]:
@@ -85,28 +74,23 @@ def read_database(folder: str | Path, headings: str | None = None) -> list[Datab
     return entries
 
 
-def panorama_of(entry: DatabaseEntry, camera_height_m: float | None = None) -> Panorama:
-    """The panorama in an entry's picture. ImageError: it is not what the entry's model says.
-
-    camera_height_m: instead of what the entry says. Those to be compared need one height.
-    """
-    if entry.model == "panorama":
-        return Panorama.load(entry.file)
-    height_m = camera_height_m or entry.height_m or CameraRig.camera_height_m
-    return import_panorama(entry.file, entry.model or "equirectangular", height_m)
-
-
 def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]) -> None:
     """Write panoramas with their poses as a database of Brains on Board's, and as a plain CSV.
 
     Into an existing, empty folder; an entry's panorama lies whole in a folder of the name of its
     file, without ending; others find the joined cylinder there. ``read_database`` reads both.
     """
-    rows, size_px, on_grid = [], (0, 0), False
+    rows: list[list[Any]] = []
+    size_px, on_grid, names = (0, 0), False, set()
     for entry, panorama in taken:
-        name = entry.file.stem
+        name = entry.file.name if entry.own else entry.file.stem
+        if name in names:
+            name = f"{name}_{len(rows)}"
+        names.add(name)
         (folder / name).mkdir()
-        panorama.save(folder / name)
+        known = entry.own or entry.pitch_rad is not None or entry.roll_rad is not None
+        about = {"source": [str(entry.file)], "tilt_corrected": known}
+        panorama.save(folder / name, {"pose": asdict(entry.pose), **about})
         size_px, on_grid = panorama.cylinder.shape[1::-1], entry.grid is not None
         heading_deg = math.degrees(entry.pose.yaw_rad)
         mm = [1e3 * v for v in (*entry.pose.xy_m.tolist(), panorama.rig.camera_height_m)]
@@ -127,19 +111,27 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
 
 
 def _plain(table: Path, headings: str | None) -> list[DatabaseEntry]:
-    rows = list(_rows(table, _PLAIN))
-    yaws = [_number(row, "heading_deg", where) for row, where in rows]
-    places = [[_number(row, c, where) for c in ("x_m", "y_m")] for row, where in rows]
+    """height_m, pitch_deg and roll_deg may be told too."""
+    rows = list(rows_of(table, _PLAIN))
+    yaws = [number(row, "heading_deg", where) for row, where in rows]
+    places = [[number(row, c, where) for c in ("x_m", "y_m")] for row, where in rows]
     told = headings or _headings_of_a_way(places, yaws)
+    known = (*_PLAIN, "height_m", "pitch_deg", "roll_deg")
     return [
         DatabaseEntry(
-            _inside(table.parent, row["filename"], where),
+            inside(table.parent, row["filename"], where),
             Pose(xy[0], xy[1], _yaw_rad(yaw, told)),
-            _maybe(row, "height_m", where),
-            more={k: v for k, v in row.items() if k not in (*_PLAIN, "height_m")},
+            maybe(row, "height_m", where),
+            _rad(maybe(row, "pitch_deg", where)),
+            _rad(maybe(row, "roll_deg", where)),
+            more={k: v for k, v in row.items() if k not in known},
         )
         for (row, where), xy, yaw in zip(rows, places, yaws, strict=True)
     ]
+
+
+def _rad(angle_deg: float | None) -> float | None:
+    return None if angle_deg is None else math.radians(angle_deg)
 
 
 def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
@@ -150,30 +142,31 @@ def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
             f"{folder / METADATA}: expected a database of pictures, but they are in the video "
             f"{metadata['videoFile']}: write its frames as pictures, with a column Filename"
         )
-    rows = list(_rows(folder / ENTRIES, _BOB))
-    places = [[_number(row, c, where) / 1e3 for c in _BOB[1:3]] for row, where in rows]
-    yaws = [_number(row, _BOB[3], where) for row, where in rows]
+    rows = list(rows_of(folder / ENTRIES, _BOB))
+    places = [[number(row, c, where) / 1e3 for c in _BOB[1:3]] for row, where in rows]
+    yaws = [number(row, _BOB[3], where) for row, where in rows]
     told = headings or metadata.get("headings") or _headings_of(metadata, places, yaws)
     if told not in HEADINGS:
         raise ImageError(
             f"{folder / METADATA}: expected headings of {' or '.join(HEADINGS)}, got {told!r}"
         )
-    model = "mirror" if metadata.get("needsUnwrapping") else None
+    source = _source_of_all(folder, metadata)
     known = {*_BOB, *_GRID, _OWN, "Z [mm]", "Pitch [degrees]", "Roll [degrees]"}
     entries = []
     for (row, where), xy, yaw in zip(rows, places, yaws, strict=True):
         own = row.get(_OWN)
-        up_m = (_maybe(row, "Z [mm]", where) or 0.0) / 1e3
-        pitch, roll = (_maybe(row, f"{n} [degrees]", where) for n in ("Pitch", "Roll"))
-        grid = [int(n) for n in (_maybe(row, name, where) for name in _GRID) if n is not None]
+        up_m = (maybe(row, "Z [mm]", where) or 0.0) / 1e3
+        pitch, roll = (maybe(row, f"{n} [degrees]", where) for n in ("Pitch", "Roll"))
+        grid = [int(n) for n in (maybe(row, name, where) for name in _GRID) if n is not None]
         entries.append(
             DatabaseEntry(
-                _inside(folder, own or row["Filename"], where),
+                inside(folder, own or row["Filename"], where),
                 Pose(xy[0], xy[1], _yaw_rad(yaw, told)),
                 up_m if up_m > 0 else None,
-                None if pitch is None else math.radians(pitch),
-                None if roll is None else math.radians(roll),
-                "panorama" if own else model,
+                _rad(pitch),
+                _rad(roll),
+                source,
+                bool(own),
                 grid=(grid[0], grid[1], grid[2]) if len(grid) == 3 else None,
                 more={k: v for k, v in row.items() if k not in known},
             )
@@ -184,21 +177,50 @@ def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
 def read_metadata(folder: Path) -> dict[str, Any]:
     """What ``database_metadata.yaml`` says under ``metadata``; empty if there is no such file.
 
-    ImageError if it is no YAML of that layout. OpenCV's directive in the first line is no YAML.
+    ImageError if it is no YAML of that layout.
     """
     file = folder / METADATA
     if not file.is_file():
         return {}
-    lines = read_text(file).splitlines()
+    metadata = read_yaml(file).get("metadata")
+    if not isinstance(metadata, dict):
+        raise ImageError(f"{file}: expected Brains on Board's layout, a table `metadata`")
+    return metadata
+
+
+def _source_of_all(folder: Path, metadata: Mapping[str, Any]) -> Source:
+    """Mirrors' parameters are in the metadata, or in a file of the camera's name beside them.
+
+    Unwrapped pictures are a turn wide, their rows elevations; the ant world's are 75 degrees high.
+    """
+    given = metadata.get("camera")
+    camera = given if isinstance(given, dict) else {}
+    name = str(camera.get("name", ""))
+    if metadata.get("needsUnwrapping", camera.get("isPanoramic", 0)):
+        beside = folder / f"{PurePosixPath(name).name}.yaml"
+        ring = metadata.get("unwrapper")
+        if ring is None and name and beside.is_file():
+            ring = read_yaml(beside).get("unwrapper")
+        return Source("mirror", mirror=None if ring is None else mirror_of(ring, str(folder)))
+    if name == "opengl":
+        return Source("equirectangular", elevations_deg=_ANT_WORLD_DEG)
     try:
-        told = yaml.safe_load("\n".join(line for line in lines if not line.startswith("%")))
-        metadata = told["metadata"]
-        if not isinstance(metadata, dict):
-            raise TypeError("metadata: no table")
-        return metadata
-    except (yaml.YAMLError, KeyError, TypeError, ValueError, RecursionError) as error:
+        width_px, height_px = map(int, camera["resolution"])
+        half_deg = min(180 * height_px / width_px, 90.0)
+    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+        return Source("equirectangular")
+    return Source("equirectangular", elevations_deg=(-half_deg, half_deg))
+
+
+def mirror_of(told: Any, what: str) -> Mirror:
+    """A mirror by a table of the unwrapper's: centre, inner, outer, offsetDegrees, flip."""
+    try:
+        x, y = map(float, told["centre"])
+        inner, outer, offset = (float(told[n]) for n in ("inner", "outer", "offsetDegrees"))
+        return Mirror((x, y), inner, outer, offset, bool(int(told["flip"])))
+    except (KeyError, TypeError, ValueError) as error:
         raise ImageError(
-            f"{file}: expected Brains on Board's layout, a table `metadata` ({error})"
+            f"{what}: expected an unwrapper's centre, inner, outer, offsetDegrees, flip ({error})"
         ) from error
 
 
@@ -233,8 +255,8 @@ def _yaw_rad(heading_deg: float, told: str) -> float:
 
 def _zind(folder: Path) -> list[DatabaseEntry]:
     """Panoramas of the floors whose scale is known; a room is what ZInD calls a complete room."""
+    told = read_json(folder / TOUR)
     try:
-        told = json.loads(read_text(folder / TOUR))
         rooms = [
             (floor, scale_m, partial_rooms)
             for floor, complete in told["merger"].items()
@@ -247,7 +269,7 @@ def _zind(folder: Path) -> list[DatabaseEntry]:
             for panoramas in partial_rooms.values()
             for panorama in panoramas.values()
         ]
-    except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         why = f"{type(error).__name__}: {error}"
         raise ImageError(f"{folder / TOUR}: expected a tour in ZInD's layout ({why})") from error
 
@@ -263,63 +285,7 @@ def _located(
     height_m = float(told["camera_height"]) * placed["scale"] * scale_m
     if not np.isfinite([*pose.xy_m, pose.yaw_rad, height_m]).all():
         raise ValueError(f"{told['image_path']}: a number that is none")
-    file = _inside(folder, told["image_path"], str(folder / TOUR))
-    return DatabaseEntry(file, pose, height_m, model="equirectangular", floor=floor, room=room)
-
-
-def read_text(file: Path) -> str:
-    """A text file of a database. ImageError: unreadable, no UTF-8, or a Git LFS pointer."""
-    try:
-        return read_content(file).decode("utf-8-sig")
-    except UnicodeDecodeError as error:
-        raise ImageError(f"{file}: expected text in UTF-8 ({error})") from error
-
-
-def _rows(table: Path, needed: tuple[str, ...]) -> Iterator[tuple[dict[str, str], str]]:
-    """Rows by column, blanks around cells cut off, and where each is; empty lines are left out."""
-    reader = csv.reader(read_text(table).splitlines())
-    try:
-        columns = [name.strip() for name in next(reader, [])]
-        missing = [name for name in needed if name not in columns]
-        if missing:
-            raise ImageError(
-                f"{table}: expected the columns {', '.join(needed)}, found no "
-                f"{', '.join(missing)} among {', '.join(columns) or 'none'}"
-            )
-        for cells in reader:
-            where = f"{table}, line {reader.line_num}"
-            if not any(map(str.strip, cells)):
-                continue
-            if len(cells) != len(columns):
-                raise ImageError(f"{where}: expected {len(columns)} cells, got {len(cells)}")
-            yield dict(zip(columns, map(str.strip, cells), strict=True)), where
-    except csv.Error as error:
-        raise ImageError(f"{table}, line {reader.line_num}: no CSV ({error})") from error
-
-
-def _number(row: Mapping[str, str], column: str, where: str) -> float:
-    value = _maybe(row, column, where)
-    if value is None:
-        raise ImageError(f"{where}: expected a number as {column}, got nothing: leave the row out")
-    return value
-
-
-def _maybe(row: Mapping[str, str], column: str, where: str) -> float | None:
-    """None where the column or the number is missing, as NaN says too."""
-    cell = row.get(column, "")
-    try:
-        value = float(cell or "nan")
-    except ValueError:
-        value = math.inf
-    if math.isinf(value) or abs(value) > 1e9:
-        raise ImageError(f"{where}: expected a number as {column}, got {cell!r}: mend the row")
-    return None if math.isnan(value) else value
-
-
-def _inside(folder: Path, name: str, where: str) -> Path:
-    """The file of this name in the folder. Names from elsewhere are not followed out of it."""
-    parts = PurePosixPath(name).parts
-    drive = PureWindowsPath(name).drive
-    if not parts or PurePosixPath(name).is_absolute() or drive or ".." in parts or "\0" in name:
-        raise ImageError(f"{where}: expected a file's name within the folder, got {name!r}")
-    return folder / name
+    file = inside(folder, told["image_path"], str(folder / TOUR))
+    return DatabaseEntry(
+        file, pose, height_m, source=Source("equirectangular"), floor=floor, room=room
+    )

@@ -133,11 +133,12 @@ def test_what_is_no_tour_is_refused(tour: Path, tmp_path: Path) -> None:
     assert f"holds {TOUR}" in refused(tour / "panos")
     assert "found none" in refused(tour, empty)
     told = json.loads((tour / TOUR).read_text())
-    for wrong in (5, [], {}, {"merger": told["merger"]}, told | {"merger": {"floor_01": 1}}):
+    for wrong in ({}, {"merger": told["merger"]}, told | {"merger": {"floor_01": 1}}):
         write(empty, wrong)
         assert "ZInD's layout" in refused(empty)
-    (empty / TOUR).write_text("{")
-    assert "ZInD's layout" in refused(empty)
+    for text in ("{", "5", "[]"):
+        (empty / TOUR).write_text(text)
+        assert "expected a JSON object" in refused(empty)
     write(empty, told)
     assert "cannot read" in refused(empty)
     write(empty, told | {"scale_meters_per_coordinate": {"floor_01": None}})
