@@ -242,6 +242,7 @@ COUNTS = [  # command, option, least, most
     ("evaluate search {}", "--by-sift", 0, None),
     ("evaluate search {}", "--suburbs", 1, None),
     ("evaluate homing {}", "--places", 1, None),
+    ("evaluate homing-database {}", "--pairs", 1, None),
     ("evaluate goals {}", "--goals", 1, None),
     ("bench render {}", "--positions", 1, None),
     ("bench landmarks {}", "--positions", 1, None),
@@ -253,7 +254,7 @@ COUNTS = [  # command, option, least, most
 SEEDED = ["navigate {} -o out"] + [
     f"{group} {name}"
     for group, names in {
-        "evaluate": "landmarks degraded strangers search homing navigation goals",
+        "evaluate": "landmarks degraded strangers search homing homing-database navigation goals",
         "bench": "render landmarks planner flood ledger",
     }.items()
     for name in names.split()
@@ -421,15 +422,19 @@ def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> 
     (tmp_path / "full").mkdir()
     (tmp_path / "full" / "mine.txt").write_text("keep")
     a, b = tmp_path / "a.png", tmp_path / "b.png"
-    command = ("panorama", "import", "--height", 1.4)
+    command = ("panorama", "import", "--height", 1.4, "--model", "equirectangular")
     good(here(*command, a, "-o", tmp_path / "one"))
     good(here(*command, a, b, "-o", tmp_path / "two"))
     one, also = (Panorama.load(tmp_path / name) for name in ("one", "two/a"))
     assert one.rig == also.rig and one.rig.camera_height_m == 1.4
     assert np.array_equal(one.views, also.views)
     assert not np.array_equal(one.views, Panorama.load(tmp_path / "two/b").views)
+    strip = ("panorama", "import", tmp_path / "photo.png", "--model", "cylinder")
+    good(here(*strip, "-o", tmp_path / "like", "--like", tmp_path / "one"))
+    assert Panorama.load(tmp_path / "like").rig == one.rig
     before = everything(tmp_path)
     out = tmp_path / "out"
+    assert "no panorama" in refused(*strip, "-o", out, "--like", tmp_path)
     assert "photo.png" in refused(*command, a, tmp_path / "photo.png", "-o", out)
     assert "none.png" in refused(*command, a, tmp_path / "none.png", "-o", out)
     assert "different names" in refused(*command, a, a, "-o", out)
@@ -437,9 +442,54 @@ def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> 
     assert "choose another -o" in refused(
         *command, tmp_path / "one/view_0.png", "-o", "one", cwd=tmp_path
     )
-    assert "fisheye" in refused(*command, a, "-o", out, "--model", "fisheye")
-    assert "camera_height_m" in refused("panorama", "import", a, "-o", out, "--height", 0)
+    assert "expected a model" in refused(*command, a, "-o", out, "--model", "fish")
+    assert "camera_height_m" in refused(*command, a, "-o", out, "--height", 0)
+    assert "say --model equirectangular" in refused("panorama", "import", a, "-o", out)
+    assert "inner radius" in refused(*command, a, "-o", out, "--model", "mirror", "--inner", 2)
+    assert "expected --elevations" in refused("panorama", "import", a, "--elevations", 3)
+    assert "model views alone" in refused(*command, a, "-o", out, "--calibration", a)
+    said = refused("panorama", "import", a, b, "-o", out, "--calibration", a, "--calibration", b)
+    assert "a.png" in said
     assert everything(tmp_path) == before
+
+
+def test_a_database_of_ours_and_back(here: Here, refused: Refused, tmp_path: Path) -> None:
+    """Drawn panoramas know where they are; exported and imported they are what they were."""
+    size = ("--width", 80, "--height", 60)
+    for name, x_m in (("a", 10), ("b", 12)):
+        at = ("--at", x_m, -1, 90)
+        good(here("panorama", CROSSING, *at, *size, "-o", tmp_path / name))
+    out, again = tmp_path / "database", tmp_path / "again"
+    good(here("panorama", "export-database", tmp_path / "a", tmp_path / "b", "-o", out))
+    said = good(here("panorama", "import-database", out, "-o", again)).stdout
+    assert "2 panoramas with their positions" in said
+    for name in ("a", "b"):
+        one, other = (Panorama.load(folder / name) for folder in (tmp_path, again))
+        assert one.rig == other.rig and np.array_equal(one.views, other.views)
+    assert (again / "database_entries.csv").read_text().splitlines()[1].startswith("10000.0,-1000")
+    before = everything(tmp_path)
+    new = tmp_path / "new"
+    assert "choose another -o" in refused("panorama", "import-database", out, "-o", out)
+    assert "not empty" in refused("panorama", "import-database", out, "-o", tmp_path / "a")
+    assert "found 0 CSV" in refused("panorama", "import-database", tmp_path / "a", "-o", new)
+    assert "math or compass" in refused(
+        "panorama", "import-database", out, "-o", new, "--headings", "up"
+    )
+    (out / "database_entries.csv").unlink()  # the plain one beside it is of the cylinders
+    assert "give --model" in refused("panorama", "import-database", out, "-o", new)
+    before.pop("database/database_entries.csv")
+    assert everything(tmp_path) == before
+    good(here("panorama", "import-database", out, "-o", new, "--model", "cylinder"))
+    assert Panorama.load(new / "cylinder").cylinder.shape[1] == pytest.approx(435, abs=6)
+
+
+def test_a_panorama_without_a_position_is_not_exported(
+    here: Here, refused: Refused, image: Path, tmp_path: Path
+) -> None:
+    command = ("panorama", "import", image, "--model", "cylinder", "-o", tmp_path / "a")
+    good(here(*command, "--columns", 300))
+    said = refused("panorama", "export-database", tmp_path / "a", "-o", tmp_path / "out")
+    assert "expected a `pose`" in said and not (tmp_path / "out").exists()
 
 
 def test_scene_info(tmp_path: Path) -> None:

@@ -69,11 +69,12 @@ def test_a_blank_panorama_gives_no_answer(method: str, told: float | None) -> No
 
 @pytest.mark.parametrize("told", [None, 0.3])
 @pytest.mark.parametrize("method", ["epipolar", "scale", "average landmark vector"])
-def test_keypoints_of_which_none_match_give_no_answer(method: str, told: float | None) -> None:
+def test_keypoints_of_which_none_match_tell_nothing(method: str, told: float | None) -> None:
     ring = ring_snapshot(HOME)
     coded = sights.descriptors(len(ring.features), "another ring")
     other = replace(ring.features, descriptors=coded)
-    assert step(method, Snapshot(other), ring, told) is None
+    vector = step(method, Snapshot(other), ring, told)
+    assert vector is None or (method == "epipolar" and vector.std_rad > 1 and not vector.arrived)
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -81,7 +82,7 @@ def test_no_one_is_home_in_another_place(method: str) -> None:
     there = snapshot(look(Pose(0, 0, 1), RIG, sights.boxes("another place")))
     vector = step(method, snapshot(look(Pose(0.5, -0.3, 1.0))), there)
     assert vector is None or not vector.arrived
-    assert method != "epipolar" or vector is None
+    assert method != "epipolar" or vector is None or vector.std_rad > 1
 
 
 @pytest.mark.parametrize("method", METHODS)

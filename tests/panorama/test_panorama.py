@@ -248,3 +248,49 @@ def test_view_change_ignores_turning_and_grows_with_distance() -> None:
     blank, other = np.zeros((2, 16, 180), dtype=np.float32)
     other[3, 5] = 9
     assert view_change(blank, blank) == 0 and view_change(blank, other) == 1
+
+
+def masked(rig: CameraRig) -> Panorama:
+    whole = noise_panorama(rig)
+    seen = np.ones(whole.views.shape[:3], dtype=bool)
+    seen[0, :, 5:] = False
+    return Panorama(rig, whole.views, seen)
+
+
+def test_what_is_seen_goes_with_the_panorama(tmp_path) -> None:
+    """Into the ledger's blob and into the folder, bit by bit."""
+    panorama = masked(TINY)
+    panorama.save(tmp_path, {"heading_deg": 3.0})
+    for again in (Panorama.load(tmp_path), Panorama.decode(panorama.encode())):
+        assert again.seen is not None and np.array_equal(again.seen, panorama.seen)
+    shown = panorama.seen_cylinder
+    assert shown is not None and shown.shape == TINY.cylinder_shape
+    assert 0 < shown.mean() < 1
+    assert noise_panorama(TINY).seen_cylinder is None
+    (tmp_path / "seen.png").write_bytes(encode_png(np.zeros((16, 25, 3), dtype=np.uint8)))
+    with pytest.raises(ImageError, match=r"seen\.png: what is seen has another size"):
+        Panorama.load(tmp_path)
+    (tmp_path / "seen.png").unlink()
+    with pytest.raises(ImageError, match=r"seen\.png: No such file"):
+        Panorama.load(tmp_path)
+
+
+def test_blobs_with_a_wrong_mask_are_refused() -> None:
+    blob = masked(TINY).encode()
+    for wrong in (blob[:-1], blob + b"x", blob.replace(b'"seen_bytes":', b'"seen_byte":-')):
+        with pytest.raises(ImageError):
+            Panorama.decode(wrong)
+    with pytest.raises(ImageError, match="expected what is seen as bool"):
+        Panorama(TINY, noise_panorama(TINY).views, np.ones((1, 2, 3), dtype=bool))
+
+
+def test_what_is_unseen_is_no_change_of_view() -> None:
+    """The hole stays where it is as the robot turns: it must not count as a landmark."""
+    rig = CameraRig(8, 80, 60, 60.0)
+    whole = noise_panorama(rig)
+    seen = np.ones(whole.views.shape[:3], dtype=bool)
+    seen[2:7] = False
+    one = Panorama(rig, np.where(seen[..., None], whole.views, 0).astype(np.uint8), seen)
+    other = Panorama(rig, np.where(seen[..., None], 255 - whole.views, 0).astype(np.uint8), seen)
+    assert view_change(one.signature(), one.signature()) == pytest.approx(0, abs=1e-6)
+    assert view_change(one.signature(), other.signature()) > 0.5

@@ -1,3 +1,4 @@
+from dataclasses import replace
 from pathlib import Path
 
 import cv2
@@ -10,7 +11,8 @@ from worlds import yard
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig, encode_png, import_panorama
-from vrchain.panorama.sources import equirectangular, from_equirectangular
+from vrchain.panorama.models import Mirror, equirectangular
+from vrchain.panorama.sources import Source, from_equirectangular
 from vrchain.world.render import Renderer
 
 
@@ -75,15 +77,25 @@ def test_another_picture_is_refused(picture: NDArray, word: str) -> None:
 def test_files(tmp_path: Path) -> None:
     (tmp_path / "sphere.png").write_bytes(encode_png(coloured(512)))
     (tmp_path / "none.jpg").write_text("no picture")
-    found = import_panorama(tmp_path / "sphere.png", camera_height_m=0.7)
-    assert np.array_equal(found.views, from_equirectangular(coloured(512), 0.7).views)
+    (tmp_path / "pointer.jpg").write_text("version https://git-lfs.github.com/spec/v1\noid 1\n")
+    source = Source("equirectangular", camera_height_m=0.7)
+    found = import_panorama(tmp_path / "sphere.png", source)
+    assert np.array_equal(found.panorama.views, from_equirectangular(coloured(512), 0.7).views)
+    assert found.panorama.seen is None and found.upsampled == pytest.approx(1, abs=0.01)
+    assert found.about == {
+        "source": [str(tmp_path / "sphere.png")],
+        "model": "equirectangular",
+        "tilt_corrected": False,
+    }
     for name, word in (("none.jpg", "none.jpg"), ("missing.jpg", "missing.jpg")):
         with pytest.raises(ImageError, match=word):
-            import_panorama(tmp_path / name)
-    with pytest.raises(ImageError, match="model of equirectangular, got 'fisheye'"):
-        import_panorama(tmp_path / "sphere.png", "fisheye")
+            import_panorama(tmp_path / name, source)
+    with pytest.raises(ImageError, match="Git LFS pointer"):
+        import_panorama(tmp_path / "pointer.jpg")
+    with pytest.raises(ImageError, match=r"full sphere\? Then say --model equirectangular"):
+        import_panorama(tmp_path / "sphere.png")
     with pytest.raises(SpecError, match="camera_height_m"):
-        import_panorama(tmp_path / "sphere.png", camera_height_m=0.0)
+        import_panorama(tmp_path / "sphere.png", replace(source, camera_height_m=0.0))
 
 
 def test_a_rendered_panorama_comes_back() -> None:
@@ -94,3 +106,93 @@ def test_a_rendered_panorama_comes_back() -> None:
     assert again.rig == rig
     middle = cv2.absdiff(drawn.views, again.views)[:, 200:-200]
     assert np.median(middle) <= 1 and middle.mean() < 3
+
+
+def save(path: Path, picture: NDArray[np.uint8]) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(encode_png(picture))
+    return path
+
+
+def test_a_ring_of_ours_comes_back_pixel_by_pixel(tmp_path: Path) -> None:
+    rig = CameraRig(4, 64, 48, 100.0, 0.6)
+    drawn = Renderer(yard()).render(Pose(1.0, 2.0, 0.5), rig)
+    files = [save(tmp_path / f"{k}.png", view) for k, view in enumerate(drawn.views)]
+    source = Source("views", field_of_view_deg=100.0, camera_height_m=0.6)
+    found = import_panorama(files, source)
+    assert found.panorama.rig == rig and found.panorama.seen is None
+    assert np.array_equal(found.panorama.views, drawn.views) and found.upsampled == 1
+    two = replace(source, bearings_deg=(0.0, 90.0), columns=256)
+    again = import_panorama(files[:2], two).panorama
+    assert again.seen is not None and 0.2 < again.seen.mean() < 0.6
+    for bearings in ((0.0,), (0.0, 90.0, 180.0)):
+        with pytest.raises(ImageError, match="got 2"):
+            import_panorama(files[:2], replace(source, bearings_deg=bearings))
+
+
+@pytest.mark.parametrize("named", ["cube_{}.png", "{}/0/0.png"])
+@pytest.mark.parametrize("names", ["frblud", "ubdlrf"])
+def test_six_faces_are_known_by_their_names(names: str, named: str, tmp_path: Path) -> None:
+    """In whatever order they are given, ahead is ahead."""
+    colour = {face: 20 + 30 * k for k, face in enumerate("frblud")}
+    files = [
+        save(tmp_path / named.format(name), np.full((128, 128, 3), colour[name], np.uint8))
+        for name in names
+    ]
+    middle = import_panorama(files, Source("cubemap")).panorama.cylinder
+    row, columns = middle[len(middle) // 2, :, 0], middle.shape[1]
+    shown = [int(row[round(columns * share)]) for share in (0.5, 0.75, 0.99, 0.25)]
+    assert shown == [colour[face] for face in "frbl"]
+
+
+@pytest.mark.parametrize(
+    ("source", "size", "word"),
+    [
+        (Source("cubemap"), (300, 200), None),
+        (Source("cubemap"), (300, 210), "a cross of 4 x 3 or a strip"),
+        (Source("cylinder"), (200, 50), "256 pixels or more around, got 200"),
+        (Source("cylinder", columns=300), (200, 50), None),
+        (Source("equirectangular"), (400, 100), "--field-of-view and --elevations"),
+        (Source("equirectangular", elevations_deg=(-30, 30)), (400, 100), None),
+        (Source("equirectangular", elevations_deg=(70, 90)), (400, 100), "mend --pitch"),
+        (Source("fisheye", pitch_deg=90), (400, 400), None),
+        (Source("mirror", mirror=Mirror()), (640, 480), None),
+        (Source("mirror"), (640, 480), "give --inner and --outer"),
+    ],
+)
+def test_shapes(source: Source, size: tuple[int, int], word: str | None, tmp_path: Path) -> None:
+    file = save(tmp_path / "a.png", np.full((size[1], size[0], 3), 90, np.uint8))
+    if word is None:
+        assert import_panorama(file, source).panorama.cylinder.max() == 90
+        return
+    with pytest.raises(ImageError) as refused:
+        import_panorama(file, source)
+    assert word in str(refused.value) and "a.png" in str(refused.value)
+
+
+def test_upsampling_is_told(tmp_path: Path) -> None:
+    file = save(tmp_path / "a.png", np.full((50, 200, 3), 90, np.uint8))
+    found = import_panorama(file, Source("cylinder", columns=600))
+    assert found.upsampled == pytest.approx(3, rel=0.02)
+    tall = save(tmp_path / "b.png", np.full((100, 600, 3), 90, np.uint8))
+    found = import_panorama(tall, Source("equirectangular", elevations_deg=(-45, 45)))
+    assert found.upsampled == pytest.approx(600 / 2 / np.pi / (100 / (np.pi / 2)), rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("given", "word"),
+    [
+        ({"model": "flat"}, "expected a model of equirectangular, cylinder"),
+        ({"field_of_view_deg": 0.0}, "field_of_view_deg must lie in 1..360, got 0"),
+        ({"pitch_deg": float("nan")}, "pitch_deg must lie"),
+        ({"elevations_deg": (30.0, -30.0)}, "the lower first, got 30 -30"),
+        ({"mirror": Mirror(inner=0.5, outer=0.1)}, "inner radius below its outer"),
+        ({"mirror": Mirror(offset_deg=float("inf"))}, "inner radius below its outer"),
+        ({"faces": "front"}, "the letters frblud in some order, got 'front'"),
+        ({"columns": 3}, "columns must lie"),
+    ],
+)
+def test_options_out_of_bounds_are_refused(given: dict, word: str) -> None:
+    with pytest.raises(ImageError) as refused:
+        Source(**given)
+    assert word in str(refused.value)

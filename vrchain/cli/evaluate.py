@@ -59,7 +59,7 @@ def landmarks(
     folder = _folder(output, "landmarks", seed, allow_training_seeds)
     rows = [experiment.row(name) for name in variant or experiment.ROWS]
     found = experiment.evaluate(scenes_of(spec), pairs, spacing, rows, seed=seed, folder=folder)
-    _tell(experiment.summarise(*found), as_json, experiment.as_table)
+    tell(experiment.summarise(*found), as_json, experiment.as_table)
 
 
 @app.command()
@@ -190,7 +190,7 @@ def search(
     folder = _folder(output, "search", seed, allow_training_seeds)
     config = experiment.SearchConfig(panoramas, goals, by_sift)
     found = experiment.evaluate(scenes_of(spec), suburbs, config, seed=seed, folder=folder)
-    _tell(experiment.summarise(found), as_json, experiment.as_text)
+    tell(experiment.summarise(found), as_json, experiment.as_text)
 
 
 @app.command()
@@ -221,7 +221,7 @@ def homing(
     found = experiment.evaluate(
         scenes_of(spec), places, rows, seed=seed, folder=folder, jobs=jobs
     )  # fmt: skip
-    _tell(experiment.summarise(found), as_json, experiment.as_table)
+    tell(experiment.summarise(found), as_json, experiment.as_table)
 
 
 @app.command()
@@ -270,7 +270,7 @@ def navigation(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
         to_places=to_places, landmarks=landmarks, conditions=conditions, jobs=jobs,
     )  # fmt: skip
-    _tell(experiment.summarise(*found), as_json, experiment.as_text)
+    tell(experiment.summarise(*found), as_json, experiment.as_text)
 
 
 @app.command()
@@ -294,10 +294,10 @@ def goals(
 
     folder = _folder(output, "goals", seed, allow_training_seeds)
     found = experiment.evaluate(scenes_of(spec), suburbs, most, seed=seed, folder=folder, jobs=jobs)
-    _tell(experiment.summarise(found), as_json, experiment.as_table)
+    tell(experiment.summarise(found), as_json, experiment.as_table)
 
 
-def _tell(found: Any, as_json: bool, text: "Callable[[Any], str | pd.DataFrame]") -> None:
+def tell(found: Any, as_json: bool, text: "Callable[[Any], str | pd.DataFrame]") -> None:
     """Print what was found as one object, or as text or a table has it."""
     if as_json:
         print(json.dumps(found))
@@ -308,7 +308,7 @@ def _tell(found: Any, as_json: bool, text: "Callable[[Any], str | pd.DataFrame]"
 
 def _tell_rows(rows: "pd.DataFrame", as_json: bool, text: "Callable[[pd.DataFrame], str]") -> None:
     found = {"rows": rows.to_dict(orient="records")}
-    _tell(found, as_json, lambda _: text(rows))
+    tell(found, as_json, lambda _: text(rows))
 
 
 def _folder(output: Path | None, name: str, seed: int, allow_training_seeds: bool) -> Path:

@@ -31,6 +31,13 @@ def landmarks(
             "compare with, not for use."
         ),
     ] = "cnn+sift",
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="Of pictures: photograph, or a panorama's: equirectangular, cylinder, mirror or "
+            "fisheye; asked for where one is twice as wide as high."
+        ),
+    ] = None,
     as_json: Json = False,
 ) -> None:
     """Find what two photographs or panoramas have in common.
@@ -48,7 +55,7 @@ def landmarks(
         }:
             raise OutputError(f"{output} is one of the pictures to compare: choose another -o")
     with doing(f"comparing {a} and {b}"):
-        found = landmarks_of_files(a, b, variant)
+        found = landmarks_of_files(a, b, variant, model)
     if found.rig and variant_named(variant).partial:
         print(f"vrchain: {variant} is a part, to compare with and not for use", file=sys.stderr)
     if output is not None:

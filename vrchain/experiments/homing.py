@@ -122,7 +122,7 @@ def answers(
         for row in rows:
             method, compass = METHODS[row.removesuffix(COMPASS)], row.endswith(COMPASS)
             vector = method(views, heading_rad if compass else None)
-            found.append({**start, "method": row, **_answer(vector, pose.yaw_rad, offset_m)})
+            found.append({**start, "method": row, **judged(vector, pose.yaw_rad, offset_m)})
     table = pd.DataFrame(found)
     for row in rows:
         own = table.method == row
@@ -131,7 +131,7 @@ def answers(
     return table.astype({"home": bool})
 
 
-def _answer(vector: HomeVector | None, yaw_rad: float, offset_m: Array) -> dict[str, object]:
+def judged(vector: HomeVector | None, yaw_rad: float, offset_m: Array) -> dict[str, object]:
     """What a home vector says, given at a heading and some metres from home."""
     if vector is None:
         return {"answered": False, "course_rad": np.nan, "error_deg": 90.0, "std_rad": np.nan,
@@ -209,7 +209,9 @@ def _drawn_suburb(scenes: Scenes, seed: int, k: int) -> Renderer:
     return Renderer(scenes.scene(seed, k))
 
 
-def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
+def returned(
+    around: pd.DataFrame, free: Free, grid: Grid, within_m: float = RETURNED_M
+) -> NDArray[np.bool_]:
     """From which points of one place and method, rows of ``answers``, it comes home: (n,) bool.
 
     The module says by what rules. free: where a robot can stand, offsets from home, (n, 2) -> (n,).
@@ -226,7 +228,7 @@ def returned(around: pd.DataFrame, free: Free, grid: Grid) -> NDArray[np.bool_]:
         away_m, nearest = tree.query(at_m[going])
         inside = (away_m <= grid.spacing_m) & free(at_m[going])
         there = inside & declares[nearest]
-        home[going[there]] = np.hypot(*at_m[going[there]].T) <= RETURNED_M + 1e-6
+        home[going[there]] = np.hypot(*at_m[going[there]].T) <= within_m + 1e-6
         told = courses[nearest]
         course[going] = np.where(np.isnan(told), course[going], told)
         going = going[inside & ~there & ~np.isnan(course[going]) & (steps_left[going] > 0)]

@@ -52,10 +52,10 @@ def step(
 def home_vector(
     current: Features, home: Features, arrived_m: float = 1.0, camera_height_m: float = 1.0
 ) -> HomeVector | None:
-    """One step by ``epipolar`` from keypoints alone, both cameras so high above the ground.
+    """One sure step by ``epipolar`` from keypoints alone, both cameras so high above the ground.
 
     arrived_m: wider than its own, for a robot that looks once a metre, at a place where another
     robot may stand.
     """
     here, there = (Snapshot(f, camera_height_m=camera_height_m) for f in (current, home))
-    return Epipolar(arrived_m)(Views(here, there), None)
+    return Epipolar(arrived_m, only_sure=True)(Views(here, there), None)

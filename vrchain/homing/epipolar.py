@@ -1,9 +1,11 @@
-"""Homing by the planar epipolar geometry of matched bearings, ours: the direction, and how far.
+"""Homing by the epipolar geometry of matched keypoints, ours: the direction, how sure, how far.
 
-Direction: ``landmarks.epipolar``; with a compass the same constraint, of which one angle remains
-unknown. How far: a point on the ground, one camera height h down, that is seen at slope t lies at
-range h / -t, so two sights of it tell the way between them. What stands higher tells more than
-there is; of the low points the nearer answers count.
+Direction: where many matches agree on one pose (``landmarks.epipolar``), by that pose; else by all
+that the matches make believe (``belief``), which is an answer with a large deviation where little
+speaks for it. Cameras may be tilted (``landmarks.tilted``), and a compass is one more measurement.
+How far: a point on the ground, one camera height h down, that is seen at slope t lies at range
+h / -t, so two sights of it tell the way between them. What stands higher tells more than there is;
+of the low points the nearer answers count.
 """
 
 from dataclasses import dataclass
@@ -12,14 +14,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
+from vrchain.homing.belief import believe, likeliest, of_peaks
 from vrchain.homing.views import HomeVector, Views
-from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.matching.epipolar import estimate, one_point, sampson
+from vrchain.landmarks.extraction.sift import Features, matches_and_ratios, root
+from vrchain.landmarks.matching.epipolar import estimate
+from vrchain.landmarks.matching.tilted import Compass, Likelihood, Peaks
 
 Array = NDArray[np.float64]
 
-_COURSES = 360  # directions tried when a compass leaves no other unknown
-_POLISH_STEPS = 5
+_CLEAR_CHANCE = 0.7  # that a match which passes the ratio test is right
+_RATIO, _CHANCE = (0.7, 0.8, 0.85, 0.9, 0.95, 1.0), (0.5, 0.3, 0.18, 0.1, 0.05, 0.025)
+_MOST = 250  # matches that are heard where few are clear
+_HALF = 0.5  # share of them that agree on a pose, to seek no other
+_AROUND = 24  # directions from which others are sought
+_SURE = 30.0  # log evidence of a pose that needs no rivals to be sought
+_CERTAIN, _CERTAIN_SHARE = 10.0, 0.9  # evidence of a pose, and its share, to be certain of it
+_LIKE_HOME = 0.1  # share of keypoints that clearly match at home
 _LOW_SLOPE = -0.12  # what is seen lower, from both places, is near and mostly ground
 _LEAST_LOW_POINTS = 7
 _LOW_SHARE = 0.25  # the quantile of their answers that is believed
@@ -29,76 +39,111 @@ _LEAST_DEPTH_M = 8.0  # half of what is around is farther
 
 @dataclass(frozen=True)
 class Epipolar:
-    """arrived_m: nearer than this, the robot is home. The others as for ``estimate``."""
+    """arrived_m: nearer than this, the robot is home. tolerance_rad, min_inliers: as ``estimate``.
+
+    only_sure: no answer unless one pose is nearly certain. most_error_rad: the mean error expected
+    up to which there is an answer else; even chances have a quarter turn. most_tilt_rad: cameras
+    tilted farther are not believed. compass_std_rad: of the compass, if there is one.
+    camera_std_rad: what lenses and the joining of views add to a direction's deviation.
+    """
 
     arrived_m: float = 0.15
     tolerance_rad: float = 0.003
     min_inliers: int = 8
+    only_sure: bool = False
+    most_error_rad: float = 1.3
+    most_tilt_rad: float = 0.26
+    compass_std_rad: float = 0.09
+    camera_std_rad: float = 0.009
 
     def __call__(self, views: Views, heading_rad: float | None = None) -> HomeVector | None:
-        """One step; None when the two views share too little."""
+        """One step; None when the two views share too little, or are tilted too far."""
+        compass = None if heading_rad is None else Compass(heading_rad, self.compass_std_rad)
+        found = self._clear(views, compass)
+        return self._doubtful(views, compass) if found is None else found
+
+    def _clear(self, views: Views, compass: Compass | None) -> HomeVector | None:
+        """The answer where many matches agree."""
         now, then = views.matched
-        found = self._geometry(now, then, heading_rad)
-        if found is None:
+        if len(now) < 2 * self.min_inliers or views.heading_rad is None:
             return None
-        direction, heading, std_rad, inliers = found
-        a, b = now.take(inliers), then.take(inliers)
-        da = a.bearing_rad - direction
-        db = b.bearing_rad + heading - direction
-        heights = _distance_heights(da, a.slope, db, b.slope)
+        pose = estimate(now.directions, then.directions, self.min_inliers, self.tolerance_rad)
+        if pose is not None and pose.inliers.mean() > _HALF:
+            starts = np.array([[pose.direction_rad, pose.direction_rad - pose.heading_rad]])
+        else:  # what is far away holds the heading, but any direction nearly as well
+            around = np.arange(_AROUND) * (2 * np.pi / _AROUND)
+            starts = np.column_stack([around, around - views.heading_rad])
+        likelihood = _likelihood(now, then, np.full(len(now), _CLEAR_CHANCE), compass)
+        belief = of_peaks(likeliest(likelihood, starts))
+        agree = likelihood.agreeing(belief.peaks.poses[0], 2 * self.tolerance_rad)
+        if belief.peaks.log_evidence[0] < _SURE or agree.mean() < _HALF:
+            return None
+        return self._answer(views, likelihood, belief.peaks, belief.best()[:2], True)
+
+    def _doubtful(self, views: Views, compass: Compass | None) -> HomeVector | None:
+        """The answer by all that any match makes believe."""
+        now, then = views.current.features, views.home.features
+        i, j, ratio = matches_and_ratios(root(now.descriptors), root(then.descriptors), np.inf)
+        best = np.argsort(ratio, kind="stable")[:_MOST]
+        now, then, ratio = now.take(i[best]), then.take(j[best]), ratio[best]
+        if len(now) < self.min_inliers:
+            return None
+        likelihood = _likelihood(now, then, np.interp(ratio, _RATIO, _CHANCE), compass)
+        belief = believe(likelihood, (now.bearing_rad, now.slope, then.bearing_rad, then.slope))
+        direction, std_rad, error_rad = belief.best()
+        sure = belief.share[0] > _CERTAIN_SHARE and belief.peaks.log_evidence[0] > _CERTAIN
+        found = self._answer(views, likelihood, belief.peaks, (direction, std_rad), sure)
+        if found is None or (self.only_sure and not sure):
+            return None
+        return found if found.arrived or error_rad <= self.most_error_rad else None
+
+    def _answer(
+        self,
+        views: Views,
+        likelihood: Likelihood,
+        peaks: Peaks,
+        found: tuple[float, float],
+        sure: bool,
+    ) -> HomeVector | None:
+        """The direction and deviation found, with the distance by the likeliest pose."""
+        told = found[0], float(np.hypot(found[1], self.camera_std_rad))
+        if peaks.tilt_rad[0] > self.most_tilt_rad:
+            return None
+        pose = peaks.poses[0]
+        agree = likelihood.agreeing(pose, 2 * self.tolerance_rad)
+        a, b = (rays[agree] for rays in likelihood.upright(pose))
+        sides = [
+            (np.arctan2(r[:, 1], r[:, 0]) - angle, r[:, 2] / np.hypot(r[:, 0], r[:, 1]))
+            for r, angle in ((a, pose[0]), (b, pose[1]))
+        ]
+        (da, slope_a), (db, slope_b) = sides
+        if not agree.any():
+            return HomeVector(*told, 0, False, np.inf)
+        heights = _distance_heights(da, slope_a, db, slope_b)
         parallax = float(np.median(np.abs(wrap_angle_rad(da - db))))
         if np.isnan(heights):
             distance_m = _DEPTH_M * parallax
         else:  # a pattern of the ground that repeats may tell that nothing has moved
             distance_m = max(views.home.camera_height_m * heights, _LEAST_DEPTH_M * parallax)
-        arrived = distance_m <= self.arrived_m
-        return HomeVector(direction, std_rad, len(a), arrived, distance_m)
-
-    def _geometry(
-        self, now: Features, then: Features, heading_rad: float | None
-    ) -> tuple[float, float, float, NDArray[np.bool_]] | None:
-        """Home's direction and heading, the direction's deviation, and the matches that agree."""
-        limits = self.min_inliers, self.tolerance_rad
-        if heading_rad is not None:
-            beta = then.bearing_rad + heading_rad
-            found = _direction(now.bearing_rad, now.slope, beta, then.slope, *limits)
-            return found and (found[0], heading_rad, *found[1:])
-        g = estimate(now.directions, then.directions, *limits)
-        if g is None:
-            return None
-        return g.direction_rad, g.heading_rad, g.direction_std_rad, g.inliers
+        fewer = min(len(views.current.features), len(views.home.features))
+        alike = max(self.min_inliers, _LIKE_HOME * fewer) <= len(views.matched[0])
+        arrived = sure and alike and distance_m <= self.arrived_m
+        return HomeVector(*told, int(agree.sum()), arrived, distance_m)
 
 
-def _direction(
-    alpha: Array, t_a: Array, beta: Array, t_b: Array, min_inliers: int, tolerance_rad: float
-) -> tuple[float, float, NDArray[np.bool_]] | None:
-    """Direction of home, its deviation and the inliers, bearings counted from one heading."""
-    if len(alpha) < max(1, min_inliers):
-        return None
-    courses = 2 * np.pi * np.arange(_COURSES)[:, None] / _COURSES
-    course = float(courses[_agree(alpha - courses, t_a, beta - courses, t_b, tolerance_rad)
-                           .sum(axis=1).argmax(), 0])  # fmt: skip
-    std_rad = np.inf
-    for _ in range(_POLISH_STEPS):
-        inliers = _agree(alpha - course, t_a, beta - course, t_b, tolerance_rad)
-        if inliers.sum() < min_inliers:
-            return None
-        da, ta, db, tb = (x[inliers] for x in (alpha - course, t_a, beta - course, t_b))
-        residual, scale = sampson(da, ta, db, tb)
-        slope = (ta * np.cos(db) - tb * np.cos(da)) / scale
-        information = float(slope @ slope) + 1e-12
-        course += float(np.clip(-(slope @ residual) / information, -0.1, 0.1))
-        variance = float(residual @ residual) / max(1, len(residual) - 1)
-        std_rad = float(np.sqrt(variance / information))
-    inliers = _agree(alpha - course, t_a, beta - course, t_b, tolerance_rad)
-    if inliers.sum() < min_inliers:
-        return None
-    return float(wrap_angle_rad(course)), std_rad, inliers
+def _likelihood(
+    now: Features, then: Features, chance: Array, compass: Compass | None
+) -> Likelihood:
+    growth = np.log(then.size_rad / now.size_rad)
+    return Likelihood(_rays(now), _rays(then), growth, chance, compass)
 
 
-def _agree(da: Array, t_a: Array, db: Array, t_b: Array, tolerance_rad: float) -> NDArray[np.bool_]:
-    """Matches near the constraint whose point lies in front of both."""
-    return one_point(np.sin(da), np.cos(da), t_a, np.sin(db), np.cos(db), t_b, tolerance_rad)
+def _rays(features: Features) -> Array:
+    """Unit rays of keypoints, (m, 3)."""
+    rays = np.column_stack(
+        [np.cos(features.bearing_rad), np.sin(features.bearing_rad), features.slope]
+    )
+    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
 def _distance_heights(da: Array, t_a: Array, db: Array, t_b: Array) -> float:

@@ -37,6 +37,7 @@ _QUALITY_FLAGS = {
     "webp": cv2.IMWRITE_WEBP_QUALITY,
     "png": None,
 }
+_LFS_POINTER = b"version https://git-lfs"
 # By docs/results/dropped.md it keeps 1.02 (0.97-1.07) of the landmarks found without loss,
 # in 0.56 of the bytes of quality 90; below, keypoints go. WebP takes 20 times as long for as much.
 STORED = Codec("jpeg", 70)
@@ -44,11 +45,21 @@ STORED = Codec("jpeg", 70)
 
 def read_image(path: str | Path) -> NDArray[np.uint8]:
     """An image file as (h, w, 3) uint8 RGB, turned as its EXIF says; ImageError if it is none."""
+    return decode_image(read_content(path), str(path))
+
+
+def read_content(path: str | Path) -> bytes:
+    """A file's bytes; ImageError if it cannot be read, or only stands for what Git LFS keeps."""
     try:
         content = Path(path).read_bytes()
-    except OSError as error:
-        raise ImageError(f"cannot read {path}: {error.strerror or error}") from error
-    return decode_image(content, str(path))
+    except (OSError, ValueError) as error:
+        why = getattr(error, "strerror", None) or error
+        raise ImageError(f"cannot read {path}: {why}") from error
+    if content.startswith(_LFS_POINTER):
+        raise ImageError(
+            f"{path}: expected a file's content, got a Git LFS pointer to it: run `git lfs pull`"
+        )
+    return content
 
 
 def encode_png(image_rgb: NDArray[np.uint8]) -> bytes:

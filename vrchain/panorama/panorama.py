@@ -3,6 +3,7 @@
 import itertools
 import json
 import struct
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -12,10 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError, SpecError
-from vrchain.panorama.codec import STORED, Codec, decode_image, encode_png, read_image
+from vrchain.panorama.codec import STORED, Codec, decode_image, encode_png, read_content, read_image
 from vrchain.panorama.rig import CameraRig
 
 MARKER = "panorama.json"
+_SEEN = "seen.png"
 _MAGIC = b"VRPANO\x00\x01"
 _MAX_VIEW_BYTES = 16_000_000
 
@@ -42,11 +44,13 @@ def _cylinder_maps(rig: CameraRig) -> list[tuple[slice | NDArray[np.int64], NDAr
 class Panorama:
     """What a robot sees around it at one place.
 
-    views: (n_views, height_px, width_px, 3) uint8 RGB.
+    views: (n_views, height_px, width_px, 3) uint8 RGB. seen: (n_views, height_px, width_px) bool,
+    what some camera saw; None: all of it. Nothing is looked for in the rest.
     """
 
     rig: CameraRig
     views: NDArray[np.uint8]
+    seen: NDArray[np.bool_] | None = None
 
     def __post_init__(self) -> None:
         expected = (self.rig.n_views, self.rig.height_px, self.rig.width_px, 3)
@@ -54,6 +58,11 @@ class Panorama:
             raise ImageError(
                 f"panorama: expected uint8 views of shape {expected}, "
                 f"got {self.views.dtype} {self.views.shape}"
+            )
+        if self.seen is not None and (self.seen.shape, self.seen.dtype) != (expected[:3], bool):
+            raise ImageError(
+                f"panorama: expected what is seen as bool of shape {expected[:3]}, "
+                f"got {self.seen.dtype} {self.seen.shape}"
             )
 
     @cached_property
@@ -66,11 +75,31 @@ class Panorama:
             )
         return joined
 
+    @cached_property
+    def seen_cylinder(self) -> NDArray[np.bool_] | None:
+        """Which of the cylinder's pixels some camera saw, (rows, columns); None: all of them."""
+        if self.seen is None:
+            return None
+        joined = np.empty(self.rig.cylinder_shape, dtype=bool)
+        for seen, (own, x_px, y_px) in zip(self.seen, _cylinder_maps(self.rig), strict=True):
+            shown = cv2.remap(
+                _as_grey(seen), x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            )
+            joined[:, own] = np.asarray(shown) == 255
+        return joined
+
     def encode(self, codec: Codec = STORED) -> bytes:
-        """One blob: magic, length of the header, JSON header (rig, sizes), the coded views."""
+        """One blob: magic, length of the header, JSON header (rig, sizes), the coded views.
+
+        If not all is seen, what is seen follows, all views' below one another, as grey PNG.
+        """
         coded = [codec.encode(view) for view in self.views]
         sizes = [len(c) for c in coded]
-        header = {"rig": asdict(self.rig), "codec": codec.name, "view_bytes": sizes}
+        header: dict[str, object] = {"rig": asdict(self.rig), "codec": codec.name}
+        header["view_bytes"] = sizes
+        if self.seen is not None:
+            coded.append(cv2.imencode(".png", _as_grey(np.concatenate(self.seen)))[1].tobytes())
+            header["seen_bytes"] = len(coded[-1])
         table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
         return b"".join([_MAGIC, struct.pack(">I", len(table)), table, *coded])
 
@@ -84,30 +113,43 @@ class Panorama:
         try:
             header = json.loads(blob[start:end])
             rig, sizes = CameraRig(**header["rig"]), [int(n) for n in header["view_bytes"]]
+            masked = int(header.get("seen_bytes", 0))
         except (ValueError, KeyError, TypeError, OverflowError, SpecError, RecursionError) as error:
             raise ImageError(f"encoded panorama: unreadable header ({error})") from error
         ends = np.cumsum([end, *sizes])
-        fits = len(sizes) == rig.n_views and ends[-1] == len(blob)
+        fits = len(sizes) == rig.n_views and ends[-1] + masked == len(blob) and masked >= 0
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
             raise ImageError("encoded panorama: its table of views does not fit its bytes")
         views = [decode_image(blob[a:b], "a view") for a, b in itertools.pairwise(ends)]
         if any(v.shape != (rig.height_px, rig.width_px, 3) for v in views):
             raise ImageError("encoded panorama: a view has another size than its rig says")
-        return cls(rig, np.stack(views))
+        seen = _seen(blob[ends[-1] :], rig, "encoded panorama") if masked else None
+        return cls(rig, np.stack(views), seen)
 
-    def save(self, folder: Path) -> None:
-        """Write the views, the cylinder (PNG) and the rig (JSON) into an existing folder."""
+    def save(self, folder: Path, about: Mapping[str, object] | None = None) -> None:
+        """Write the views, the cylinder (PNG) and the rig (JSON) into an existing folder.
+
+        Beside them, if not all is seen, ``seen.png``: all views' below one another. about: what
+        else is known of it, plain values, kept beside the rig.
+        """
         for i, view in enumerate(self.views):
             (folder / f"view_{i}.png").write_bytes(encode_png(view))
         (folder / "cylinder.png").write_bytes(encode_png(self.cylinder))
-        (folder / MARKER).write_text(json.dumps({"rig": asdict(self.rig)}, indent=2) + "\n")
+        if self.seen is not None:
+            mask = cv2.imencode(".png", _as_grey(np.concatenate(self.seen)))[1]
+            (folder / _SEEN).write_bytes(mask.tobytes())
+        told = {"rig": asdict(self.rig), **(about or {})}
+        if self.seen is not None:
+            told["masked"] = True
+        (folder / MARKER).write_text(json.dumps(told, indent=2) + "\n")
 
     @classmethod
     def load(cls, folder: str | Path) -> "Panorama":
         """Read what ``save`` wrote; ImageError names what is missing or wrong."""
         folder = Path(folder)
         try:
-            rig = CameraRig(**json.loads((folder / MARKER).read_text())["rig"])
+            told = json.loads((folder / MARKER).read_text())
+            rig, masked = CameraRig(**told["rig"]), told.get("masked", False)
         except FileNotFoundError as error:
             raise ImageError(f"{folder} is no panorama: it holds no {MARKER}") from error
         except (OSError, ValueError, KeyError, TypeError, SpecError, RecursionError) as error:
@@ -121,12 +163,28 @@ class Panorama:
                     f"{path}: expected {rig.width_px} x {rig.height_px} pixels as {MARKER} says, "
                     f"got {width_px} x {height_px}"
                 )
-        return cls(rig, np.stack(views))
+        seen = _seen(read_content(folder / _SEEN), rig, str(folder / _SEEN)) if masked else None
+        return cls(rig, np.stack(views), seen)
 
     def signature(self) -> NDArray[np.float32]:
         """A small grey cylinder, (16, 180) float32, to judge by how much the view has changed."""
         grey = cv2.cvtColor(self.cylinder, cv2.COLOR_RGB2GRAY)
+        if self.seen_cylinder is not None:  # the rest says nothing, as if it were its row's mean
+            level = np.ma.masked_array(grey, ~self.seen_cylinder).mean(axis=1).filled(0)
+            grey = np.where(self.seen_cylinder, grey, level[:, None].astype(np.uint8))
         return cv2.resize(grey, (180, 16), interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def _as_grey(seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+    return seen.astype(np.uint8) * np.uint8(255)
+
+
+def _seen(content: bytes, rig: CameraRig, what: str) -> NDArray[np.bool_]:
+    """What is seen, of its PNG's bytes: (n_views, height_px, width_px)."""
+    shown = decode_image(content, what)[..., 0] > 127
+    if shown.shape != (rig.n_views * rig.height_px, rig.width_px):
+        raise ImageError(f"{what}: what is seen has another size than the rig's views together")
+    return shown.reshape(rig.n_views, rig.height_px, rig.width_px)
 
 
 def view_change(before: NDArray[np.float32], now: NDArray[np.float32]) -> float:

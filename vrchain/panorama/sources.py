@@ -1,28 +1,42 @@
-"""Pictures of other cameras made into panoramas of ours: which source pixel shows each ray.
+"""Pictures of other cameras made into panoramas of ours: one picture or several, one rig."""
 
-A source model is one function, from rays in the robot's frame and the source's size to its pixels;
-``resampled`` does what all of them need.
-"""
-
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError
-from vrchain.panorama.codec import read_image
+from vrchain.panorama import models
+from vrchain.panorama.cameras import MODELS, Source, cameras_of
+from vrchain.panorama.codec import decode_image, read_content
+from vrchain.panorama.metadata import Metadata, metadata_of
 from vrchain.panorama.panorama import Panorama
+from vrchain.panorama.resampling import (
+    REACH,
+    Camera,
+    resampled,
+    rig_for,
+    sharpness,
+    shrunk,
+    tilted,
+)
 from vrchain.panorama.rig import CameraRig
 
-Rays = NDArray[np.float32]
-Model = Callable[[Rays, tuple[int, int]], tuple[NDArray[np.floating], NDArray[np.floating]]]
-"""Rays (..., 3) and the source's (width, height) to its pixels x, y; centres are whole numbers."""
-
-REACH = 1.4  # slope, up and down: 54 degrees; 1.7 matched no more in rooms, 1.0 a quarter less
-_VIEWS, _FIELD_OF_VIEW_DEG = 8, 60.0
 _COLUMNS = 256, 4096  # a full turn: nothing is recognised on fewer, and more only take longer
+
+
+@dataclass(frozen=True, eq=False)
+class Imported:
+    """A panorama made of pictures. about: what ``panorama.json`` keeps. upsampled: how many pixels
+    stand for one of the source, each way, at most."""
+
+    panorama: Panorama
+    about: dict[str, Any]
+    upsampled: float
 
 
 def from_equirectangular(
@@ -53,50 +67,100 @@ def from_equirectangular(
         size = _COLUMNS[1], _COLUMNS[1] // 2
         picture = cv2.resize(picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
     rig = rig_for(picture.shape[1] / (2 * np.pi), camera_height_m, reach)
-    return resampled(picture, equirectangular, rig)
-
-
-def rig_for(px_per_rad: float, camera_height_m: float, reach: float) -> CameraRig:
-    """A ring of views of so many pixels a radian whose cylinder reaches slopes of +-``reach``."""
-    half_step_rad = np.pi / _VIEWS
-    width_px = round(2 * px_per_rad * np.tan(np.radians(_FIELD_OF_VIEW_DEG) / 2))
-    height_px = 2 * int(np.ceil(px_per_rad * reach / np.cos(half_step_rad)))
-    return CameraRig(_VIEWS, width_px, height_px, _FIELD_OF_VIEW_DEG, camera_height_m)
-
-
-def resampled(picture: NDArray[np.uint8], model: Model, rig: CameraRig) -> Panorama:
-    """What the rig's cameras would have seen: each ray's pixel by the model, interpolated."""
-    height_px, width_px = picture.shape[:2]
-    views = np.empty((rig.n_views, rig.height_px, rig.width_px, 3), dtype=np.uint8)
-    for view, rays in zip(views, rig.ray_directions(), strict=True):
-        x_px, y_px = (p.astype(np.float32) for p in model(rays, (width_px, height_px)))
-        view[:] = cv2.remap(picture, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP)
-    return Panorama(rig, views)
-
-
-def equirectangular(
-    rays: Rays, size_px: tuple[int, int]
-) -> tuple[NDArray[np.floating], NDArray[np.floating]]:
-    """Azimuth over the width, falling from left to right; elevation over the height."""
-    width_px, height_px = size_px
-    x, y, z = np.moveaxis(rays, -1, 0)
-    right = 0.5 - np.arctan2(y, x) / (2 * np.pi)
-    down = 0.5 - np.arctan2(z, np.hypot(x, y)) / np.pi
-    return right * width_px - 0.5, down * height_px - 0.5
-
-
-MODELS: dict[str, Callable[..., Panorama]] = {"equirectangular": from_equirectangular}
+    return resampled([Camera(picture, models.equirectangular, closed=True)], rig)
 
 
 def import_panorama(
-    picture: str | Path,
-    model: str = "equirectangular",
-    camera_height_m: float = CameraRig.camera_height_m,
-) -> Panorama:
-    """The panorama in another camera's picture, a file. ImageError: it is not what ``model`` says.
+    pictures: str | Path | Sequence[Path],
+    source: Source | None = None,
+    rig: CameraRig | None = None,
+) -> Imported:
+    """The panorama in another camera's picture or pictures, files.
 
-    model: a name of ``MODELS``. camera_height_m: above the ground; lengths rest on it.
+    rig: of panoramas that this one is to be compared with. ImageError: not what the model says, or
+    nobody says what a pixel's place means.
     """
-    if model not in MODELS:
-        raise ImageError(f"expected a model of {', '.join(MODELS)}, got {model!r}")
-    return MODELS[model](read_image(picture), camera_height_m, what=str(picture))
+    source = source or Source()
+    files = [Path(pictures)] if isinstance(pictures, str | Path) else list(pictures)
+    contents = [read_content(file) for file in files]
+    images = [decode_image(c, str(f)) for c, f in zip(contents, files, strict=True)]
+    told = metadata_of(contents[0], str(files[0]))
+    model = model_of(source, told, images[0], str(files[0]))
+    pitch_deg, roll_deg = (
+        theirs if ours is None else ours
+        for ours, theirs in ((source.pitch_deg, told.pitch_deg), (source.roll_deg, told.roll_deg))
+    )
+    turn = tilted(pitch_deg or 0.0, roll_deg or 0.0)
+    cameras = [
+        Camera(c.picture, c.model, turn @ c.turn, c.closed)
+        for c in cameras_of(model, images, files, source, told)
+    ]
+    as_it_is = _own_ring(images, source) if model == "views" and rig is None else None
+    if as_it_is is None:
+        panorama, upsampled = _panorama(cameras, source, rig, str(files[0]))
+    else:
+        panorama, upsampled = as_it_is, 1.0
+    heading = told.heading_deg if source.heading_deg is None else source.heading_deg
+    known = {
+        "source": [str(file) for file in files],
+        "model": model,
+        "heading_deg": heading,
+        "pitch_deg": pitch_deg,
+        "roll_deg": roll_deg,
+        "tilt_corrected": pitch_deg is not None or roll_deg is not None,
+        "latitude_deg": told.latitude_deg,
+        "longitude_deg": told.longitude_deg,
+        "altitude_m": told.altitude_m,
+    }
+    return Imported(panorama, {k: v for k, v in known.items() if v is not None}, upsampled)
+
+
+def model_of(source: Source, told: Metadata, image: NDArray[np.uint8], what: str) -> str:
+    """What is asked for, or what the picture says; ImageError asks if neither does."""
+    if source.calibration and source.model in (None, "views"):
+        return "views"
+    if source.model:
+        return source.model
+    if told.projection.startswith(("equirect", "cylind")):
+        return MODELS[told.projection.startswith("cylind")]
+    height_px, width_px = image.shape[:2]
+    if width_px == 2 * height_px:
+        raise ImageError(
+            f"{what}: twice as wide as high, but its metadata do not tell what it shows: is it a "
+            "full sphere? Then say --model equirectangular"
+        )
+    raise ImageError(
+        f"{what}: {width_px} x {height_px} pixels, and its metadata do not tell what they show: "
+        f"give --model, one of {', '.join(MODELS)}"
+    )
+
+
+def _own_ring(images: Sequence[NDArray[np.uint8]], source: Source) -> Panorama | None:
+    """Views that a rig of ours could have taken are its views, unchanged; None: these are none."""
+    n, wide_deg = len(images), source.field_of_view_deg or 0.0
+    changed = source.calibration or source.bearings_deg or source.pitch_deg or source.roll_deg
+    alike = len({image.shape for image in images}) == 1
+    if changed or source.columns or not alike or n < 2 or not 360 <= n * wide_deg <= n * 120:
+        return None
+    height_px, width_px = images[0].shape[:2]
+    rig = CameraRig(n, width_px, height_px, wide_deg, source.camera_height_m)
+    return Panorama(rig, np.stack(images))
+
+
+def _panorama(
+    cameras: list[Camera], source: Source, rig: CameraRig | None, what: str
+) -> tuple[Panorama, float]:
+    """The panorama, and by how much it has more pixels than its source."""
+    sharp = sharpness(cameras)
+    if sharp.reach == 0:
+        raise ImageError(f"{what}: none of it lies within 54 degrees of the horizon: mend --pitch")
+    if rig is None:
+        columns = source.columns or min(sharp.across * 2 * np.pi, _COLUMNS[1])
+        if source.columns is None and columns < _COLUMNS[0] - 0.5:
+            raise ImageError(
+                f"{what}: expected {_COLUMNS[0]} pixels or more around, got {columns:.0f}, on "
+                "which nothing is recognised: --columns takes it all the same"
+            )
+        rig = rig_for(columns / (2 * np.pi), source.camera_height_m, max(sharp.reach, 0.1))
+    smaller = shrunk(cameras, rig.px_per_rad / sharp.across)
+    return resampled(smaller, rig), rig.px_per_rad / min(sharp.across, sharp.along)

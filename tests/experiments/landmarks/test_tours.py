@@ -13,7 +13,6 @@ from vrchain.experiments.landmarks.tours import (
     ELSEWHERE,
     NEAR,
     OTHER_ROOMS,
-    TRUTH,
     as_text,
     evaluate,
     read_places,
@@ -23,6 +22,7 @@ from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.matching.variants import Variant, sift
 from vrchain.panorama import CameraRig, encode_png
+from vrchain.panorama.databases import TOUR
 from vrchain.world.render import Renderer
 
 SCALE_M = 2.5
@@ -54,7 +54,7 @@ def tour(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def write(folder: Path, told: object) -> None:
-    (folder / TRUTH).write_text(json.dumps(told))
+    (folder / TOUR).write_text(json.dumps(told))
 
 
 def test_poses_are_read_as_they_were(tour: Path) -> None:
@@ -80,7 +80,7 @@ def test_pairs_are_judged_by_the_truth(tour: Path, tmp_path: Path) -> None:
     assert table.pairs[OTHER_ROOMS] == 2
     assert json.dumps(table.reset_index().to_dict(orient="records"), allow_nan=False)
 
-    told = json.loads((tour / TRUTH).read_text())
+    told = json.loads((tour / TOUR).read_text())
     placed = told["merger"]["floor_01"]["kitchen"]["part"]["pano_1"]["floor_plan_transformation"]
     placed["rotation"] += 30
     wrong = tmp_path / "wrong"
@@ -130,14 +130,15 @@ def test_what_is_no_tour_is_refused(tour: Path, tmp_path: Path) -> None:
 
     empty = tmp_path / "empty"
     empty.mkdir()
-    assert f"holds {TRUTH}" in refused(tour / "panos")
+    assert f"holds {TOUR}" in refused(tour / "panos")
     assert "found none" in refused(tour, empty)
-    told = json.loads((tour / TRUTH).read_text())
-    for wrong in (5, [], {}, {"merger": told["merger"]}, told | {"merger": {"floor_01": 1}}):
+    told = json.loads((tour / TOUR).read_text())
+    for wrong in ({}, {"merger": told["merger"]}, told | {"merger": {"floor_01": 1}}):
         write(empty, wrong)
         assert "ZInD's layout" in refused(empty)
-    (empty / TRUTH).write_text("{")
-    assert "ZInD's layout" in refused(empty)
+    for text in ("{", "5", "[]"):
+        (empty / TOUR).write_text(text)
+        assert "expected a JSON object" in refused(empty)
     write(empty, told)
     assert "cannot read" in refused(empty)
     write(empty, told | {"scale_meters_per_coordinate": {"floor_01": None}})

@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import from_answers, nothing, overlaps
+from vrchain.landmarks.extraction.proposer import from_answers, nothing, overlaps, propose
+from vrchain.panorama import Panorama
 from vrchain.seeding import generator
 
 CENTRES_M = np.array([[10.0, 0.0], [0.0, 14.0], [-9.0, 1.0], [4.0, -20.0], [-15.0, -15.0]])
@@ -69,3 +70,21 @@ def test_boxes_overlap_across_the_seam() -> None:
     b = np.array([[-5.0, 10.0, 5.0, 20.0], [5.0, 10.0, 15.0, 20.0], [0.0, 10.0, 10.0, 20.0]])
     assert np.allclose(overlaps(a, b, 540), [[1.0, 0.0, 1 / 3]])
     assert np.allclose(overlaps(a, b), 0.0)
+
+
+def test_nothing_is_proposed_where_no_camera_looks() -> None:
+    """Whatever the network says of it: it sees black there."""
+    draws = generator(2, "views")
+    views = draws.integers(0, 256, (8, 480, 640, 3), dtype=np.uint8)
+    views = np.kron(views[:, ::8, ::8], np.ones((1, 8, 8, 1), dtype=np.uint8))
+    seen = np.ones(views.shape[:3], dtype=bool)
+    seen[3:6] = False
+
+    def network(picture: np.ndarray) -> dict[str, np.ndarray]:
+        return answers.said(HERE, CENTRES_M)
+
+    everywhere, _ = propose(Panorama(answers.RIG, views), network)
+    found, _ = propose(Panorama(answers.RIG, views, seen), network)
+    ahead = np.abs(everywhere.bearing_rad) < np.radians(112.5)
+    assert 0 < len(found) == ahead.sum() < len(everywhere)
+    assert set(found.kind) == set(everywhere.kind[ahead])

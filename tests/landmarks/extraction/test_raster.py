@@ -13,6 +13,7 @@ from vrchain.landmarks.extraction.raster import (
     cell_slopes,
     columns_of,
     picture_of,
+    unseen_cells,
 )
 from vrchain.panorama import CameraRig, Panorama
 
@@ -47,3 +48,18 @@ def test_cells_are_where_things_are_seen() -> None:
     for seen, true in ((seen_bearing, bearing), (seen_slope, slope)):
         assert abs(seen.min() - true.min()) < slack_rad
         assert abs(seen.max() - true.max()) < slack_rad
+
+
+def test_cells_at_a_hole_are_unseen() -> None:
+    rig = CameraRig(8, 160, 120)
+    views = np.full((8, 120, 160, 3), 99, dtype=np.uint8)
+    assert unseen_cells(Panorama(rig, views)) is None
+    seen = np.ones(views.shape[:3], dtype=bool)
+    seen[1] = False
+    unseen = unseen_cells(Panorama(rig, views, seen))
+    assert unseen is not None and unseen.shape == (ROWS // CELL_PX, columns_of(rig) // CELL_PX)
+    bearing = np.degrees(cell_bearings_rad(rig))
+    level = unseen[len(unseen) // 2]
+    assert level[np.abs(bearing - 45) < 22.5].all()
+    assert not level[np.abs(bearing - 45) > 25].any()
+    assert (unseen == level).all()  # above and below too, where the outermost rows are repeated

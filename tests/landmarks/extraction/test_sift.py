@@ -12,6 +12,7 @@ from vrchain.landmarks.extraction import sift
 from vrchain.landmarks.extraction.sift import Features, detect, extract, mutual_matches
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
+from vrchain.world.render import Renderer
 
 Bytes = NDArray[np.uint8]
 
@@ -245,3 +246,17 @@ print(json.dumps([len(i), total.hexdigest()]))
 """
     first, second = worlds.in_two_processes(code)
     assert first == second and first[0] > 100
+
+
+def test_nothing_is_found_in_a_hole_or_at_its_edge() -> None:
+    """The rest is found as it was, to a few: the largest feel the hole from afar."""
+    whole = Renderer(worlds.yard()).render(Pose(0, 0, 0), worlds.SMALL_RIG)
+    seen = np.ones(whole.views.shape[:3], dtype=bool)
+    seen[3:6] = False
+    views = np.where(seen[..., None], whole.views, 0).astype(np.uint8)
+    found = extract(Panorama(whole.rig, views, seen))
+    assert (np.abs(found.bearing_rad) < np.radians(112.5)).all()
+    apart = found.directions[:, None] - extract(whole).directions
+    assert np.mean(np.hypot(*apart.T).min(axis=0) < 0.2 / whole.rig.px_per_rad) > 0.95
+    ahead = np.abs(extract(whole).bearing_rad) < np.radians(90)
+    assert len(found) > 0.8 * ahead.sum() > 10

@@ -16,6 +16,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import CommonLandmark
 from vrchain.landmarks.matching.photos import landmarks_of_files, photo_landmarks
 from vrchain.panorama import CameraRig, Panorama, encode_png
+from vrchain.panorama.sources import Source, import_panorama
 from vrchain.paths import ROOT
 from vrchain.seeding import generator
 from vrchain.world.model import Scene
@@ -267,3 +268,23 @@ def test_real_photos_at_full_count() -> None:
     )  # fmt: skip
     assert (len(building), len(street_views), len(across)) == (45, 3, 30)
     assert sum(building) >= 44 and all(street_views) and not any(across)
+
+
+def test_a_sphere_is_no_photograph(tmp_path) -> None:
+    """Twice as wide as high it has to be told; a panorama's folder gives the other its rig."""
+    draws = generator(1, "sphere").integers(0, 256, (16, 32, 3), dtype=np.uint8)
+    picture = np.kron(draws, np.ones((16, 16, 1), dtype=np.uint8))
+    sphere = tmp_path / "sphere.png"
+    sphere.write_bytes(encode_png(picture))
+    with pytest.raises(ImageError, match=r"--model equirectangular .* else --model photograph"):
+        landmarks_of_files(sphere, sphere)
+    with pytest.raises(ImageError, match="expected a model"):
+        landmarks_of_files(sphere, sphere, model="flat")
+    assert landmarks_of_files(sphere, sphere, model="photograph").rig is None
+    found = landmarks_of_files(sphere, sphere, "sift", "equirectangular")
+    assert found.rig is not None and found.rig.n_views == 8
+    (tmp_path / "kept").mkdir()
+    source = Source("equirectangular", columns=300)
+    import_panorama(sphere, source).panorama.save(tmp_path / "kept")
+    for files in ((sphere, tmp_path / "kept"), (tmp_path / "kept", sphere)):
+        assert landmarks_of_files(*files, "sift", "equirectangular").rig != found.rig

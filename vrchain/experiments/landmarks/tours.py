@@ -5,7 +5,7 @@ equirectangular pictures that it names. Of other places a folder of pictures is 
 """
 
 import hashlib
-import json
+from collections import defaultdict
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -23,13 +23,13 @@ from vrchain.experiments.intervals import Bootstrap, or_none, shown
 from vrchain.experiments.kept import kept_each
 from vrchain.experiments.landmarks.precision import looks_of, makers
 from vrchain.files import code_digest, name_of
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose
 from vrchain.landmarks.matching.variants import Variant
 from vrchain.landmarks.quality import POSE_RIGHT_DEG, pose_errors_deg
 from vrchain.panorama import read_image
+from vrchain.panorama.databases import TOUR, read_database
 from vrchain.panorama.sources import from_equirectangular
 
-TRUTH = "zind_data.json"
 NEAR_M = 2.5
 BANDS = NEAR, FAR, OTHER_ROOMS, ELSEWHERE = (
     f"same room, up to {NEAR_M:g} m", "same room, beyond", "other rooms", "different places",
@@ -60,9 +60,9 @@ def read_places(folders: Sequence[Path]) -> list[Taken]:
     rooms = count()
     taken: list[Taken] = []
     for place, folder in enumerate(folders):
-        told = (folder / TRUTH).is_file()
+        told = (folder / TOUR).is_file()
         if not told and not place:
-            raise ImageError(f"{folder}: expected a tour, a folder that holds {TRUTH}")
+            raise ImageError(f"{folder}: expected a tour, a folder that holds {TOUR}")
         own = _tour(folder, place, rooms) if told else _pictures(folder, place, rooms)
         if not own:
             raise ImageError(f"{folder}: expected panoramas ({', '.join(_SUFFIXES)}), found none")
@@ -76,33 +76,11 @@ def _pictures(folder: Path, place: int, rooms: "count[int]") -> list[Taken]:
 
 
 def _tour(folder: Path, place: int, rooms: "count[int]") -> list[Taken]:
-    """Panoramas of the floors whose scale is known; a room is what ZInD calls a complete room."""
-    try:
-        told = json.loads((folder / TRUTH).read_text(encoding="utf-8"))
-        return [
-            _located(folder, place, room, floor, scale_m, panorama)
-            for floor, complete in told["merger"].items()
-            if (scale_m := told["scale_meters_per_coordinate"][floor])
-            for partial_rooms in complete.values()
-            for room in [next(rooms)]
-            for panoramas in partial_rooms.values()
-            for panorama in panoramas.values()
-        ]
-    except (OSError, ValueError, KeyError, TypeError, AttributeError) as error:
-        why = f"{type(error).__name__}: {error}"
-        raise ImageError(f"{folder / TRUTH}: expected a tour in ZInD's layout ({why})") from error
-
-
-def _located(
-    folder: Path, place: int, room: int, floor: str, scale_m: float, told: dict[str, Any]
-) -> Taken:
-    """The floor plan is a mirror image, and the picture's middle looks along its y axis."""
-    placed = told["floor_plan_transformation"]
-    x, y = placed["translation"]
-    yaw_rad = wrap_angle_rad(np.pi / 2 - np.radians(placed["rotation"]))
-    pose = Pose(-float(x) * scale_m, float(y) * scale_m, float(yaw_rad))
-    height_m = float(told["camera_height"]) * placed["scale"] * scale_m
-    return Taken(folder / told["image_path"], place, room, floor, pose, height_m)
+    room: defaultdict[int, int] = defaultdict(rooms.__next__)
+    return [
+        Taken(e.file, place, room[e.room], e.floor, e.pose, e.height_m)
+        for e in read_database(folder)
+    ]
 
 
 def band_of(a: Taken, b: Taken) -> str | None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.extraction.raster import CELL_PX, cell_slopes, picture_of
+from vrchain.landmarks.extraction.raster import CELL_PX, cell_slopes, picture_of, unseen_cells
 from vrchain.panorama import CameraRig, Panorama
 
 Array = NDArray[np.float64]
@@ -89,6 +89,8 @@ def propose(
     shown = picture_of(panorama)
     answers = network(shown)
     answers["landmark"][0][_blank(shown)] = -np.inf
+    if (unseen := unseen_cells(panorama)) is not None:
+        answers["landmark"][0][unseen] = -np.inf
     return from_answers(answers, panorama.rig), answers["local"]
 
 

@@ -21,9 +21,23 @@ def picture_of(panorama: Panorama) -> NDArray[np.uint8]:
 
     What the rig does not see above and below repeats its outermost rows.
     """
-    cylinder = panorama.cylinder
-    columns = columns_of(panorama.rig)
-    scale = PX_PER_RAD / panorama.rig.px_per_rad
+    return _scaled(panorama.cylinder, panorama.rig)
+
+
+def unseen_cells(panorama: Panorama) -> NDArray[np.bool_] | None:
+    """Cells of which, or beside which, something is masked: (rows, columns); None: none is."""
+    seen = panorama.seen_cylinder
+    if seen is None:
+        return None
+    shown = _scaled(seen.astype(np.uint8) * np.uint8(255), panorama.rig)
+    cells = shown.shape[1] // CELL_PX, ROWS // CELL_PX
+    least = cv2.resize(shown, cells, interpolation=cv2.INTER_AREA)
+    return np.asarray(cv2.erode(least, np.ones((3, 3), np.uint8)) < 255)
+
+
+def _scaled(cylinder: NDArray[np.uint8], rig: CameraRig) -> NDArray[np.uint8]:
+    columns = columns_of(rig)
+    scale = PX_PER_RAD / rig.px_per_rad
     rows = max(2, 2 * round(cylinder.shape[0] * scale / 2))
     shrinks = scale < 1
     small = cv2.resize(
@@ -33,7 +47,8 @@ def picture_of(panorama: Panorama) -> NDArray[np.uint8]:
     if missing < 0:
         small = small[-missing : rows + missing]
     elif missing > 0:
-        small = np.pad(small, ((missing, missing), (0, 0), (0, 0)), mode="edge")
+        around = ((missing, missing), (0, 0), (0, 0))
+        small = np.pad(small, around[: small.ndim], mode="edge")
     return np.ascontiguousarray(small, dtype=np.uint8)
 
 

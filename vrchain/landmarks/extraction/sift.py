@@ -17,6 +17,7 @@ from vrchain.panorama import Panorama
 
 _SEAM_PX = 64  # the cylinder is continued this far, so that keypoints at the seam are whole
 _ROWS_A_PASS = 1024
+_REACH = 3.0  # of a descriptor's weights, their standard deviation, in sizes of its keypoint
 _AVX2 = 11  # OpenCV's number of it
 
 
@@ -135,12 +136,23 @@ def _on_columns(panorama: Panorama, first: int, wide: int, shrink: int = 1) -> F
     found = _detect_on(_grey(image).take(columns, axis=1), shrink)
     column = found.xy_px[:, 0] - pad
     own = (column >= -0.5) & (column < wide - 0.5)
+    if panorama.seen_cylinder is not None:
+        own &= _clear(found, panorama.seen_cylinder.take(columns, axis=1))
     return Features(
         rig.bearing_of_column(column[own] + first),
         rig.slope_of_row(found.xy_px[own, 1]),
         found.size_px[own] / rig.px_per_rad,
         found.descriptors[own],
     )
+
+
+def _clear(found: Keypoints, seen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Keypoints around which all is seen, as far as their descriptors look: (n,)."""
+    bordered = np.pad(seen.astype(np.uint8), ((0, 0), (1, 1)), constant_values=1)
+    off_px = cv2.distanceTransform(bordered, cv2.DIST_L2, cv2.DIST_MASK_PRECISE)[:, 1:-1]
+    column, row = (np.round(v).astype(int) for v in found.xy_px.T)
+    inside = row.clip(0, len(seen) - 1), column.clip(0, seen.shape[1] - 1)
+    return np.asarray(off_px[inside] > _REACH * found.size_px, dtype=bool)
 
 
 def _detect_on(grey: NDArray[np.uint8], shrink: int) -> Keypoints:

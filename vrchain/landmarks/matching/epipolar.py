@@ -178,10 +178,7 @@ def _likely(matches: Matches, tolerance_rad: float, most: int) -> Array:
 
     Where many matches are right, few hypotheses are enough (Fischler and Bolles, equation 3).
     """
-    bearing_a, slope_a, bearing_b, slope_b = matches
-    a = np.stack([slope_b * np.sin(bearing_a), -slope_b * np.cos(bearing_a)], axis=1)
-    b = np.stack([slope_a * np.sin(bearing_b), -slope_a * np.cos(bearing_b)], axis=1)
-    n = len(bearing_a)
+    n = len(matches[0])
     pairs = generator(0, "epipolar", n).integers(0, n, (_SAMPLES, 2))
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     heard = generator(0, "heard", n).permutation(n)[:_HEARD]
@@ -189,7 +186,7 @@ def _likely(matches: Matches, tolerance_rad: float, most: int) -> Array:
     alpha, t_a, beta, t_b = (x[heard].astype(np.float32) for x in matches)
     drawn, counts = np.empty((0, 2)), np.empty(0, dtype=np.int64)
     for some in np.split(pairs, range(_AT_ONCE, len(pairs), _AT_ONCE)):
-        theta, psi = _from_two(a[some], b[some])
+        theta, psi = from_two(matches, some)
         half = len(theta) // 2  # the other half are the opposites
         (sin_a, cos_a), (sin_b, cos_b) = (
             _turned(bearing, angle[:half].astype(np.float32))
@@ -225,8 +222,11 @@ def _baseline_heights(da: Array, t_a: Array, db: Array) -> float:
     return float(1 / np.quantile(depth, _LOWEST))
 
 
-def _from_two(a: Array, b: Array) -> tuple[Array, Array]:
-    """All (theta, psi) that satisfy two matches each, then their opposites; a, b: (k, 2, 2)."""
+def from_two(matches: Matches, pairs: NDArray[np.int64]) -> tuple[Array, Array]:
+    """All (theta, psi) that satisfy two matches each, of pairs (k, 2), then their opposites."""
+    bearing_a, slope_a, bearing_b, slope_b = (x[pairs] for x in matches)
+    a = np.stack([slope_b * np.sin(bearing_a), -slope_b * np.cos(bearing_a)], axis=2)
+    b = np.stack([slope_a * np.sin(bearing_b), -slope_a * np.cos(bearing_b)], axis=2)
     determinant = np.linalg.det(b)
     usable = np.abs(determinant) > 1e-9
     m = np.linalg.solve(b[usable], a[usable])  # v = m u, and both are unit vectors

@@ -22,12 +22,16 @@ from vrchain.landmarks.matching.common import (
     support_score,
 )
 from vrchain.landmarks.matching.variants import DEFAULT, compared, variant_named
-from vrchain.panorama import CameraRig, Panorama, read_image
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama.codec import decode_image, read_content
+from vrchain.panorama.metadata import metadata_of
+from vrchain.panorama.sources import Source, import_panorama
 from vrchain.seeding import generator
 
 Index = NDArray[np.int64]
 Matched = tuple[Index, Index]
 
+PHOTOGRAPH = "photograph"
 _LONGEST_SIDE_PX = 1000
 _LEAST_SIDE_PX = 16
 _LEAST_MATCHES = 8  # from which a fundamental matrix is sought
@@ -197,15 +201,24 @@ class FileComparison:
         return self.comparison.common
 
 
-def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> FileComparison:
-    """Common landmarks of two files, each a photograph or a panorama's folder.
+def landmarks_of_files(
+    a: str | Path, b: str | Path, variant: str = DEFAULT, model: str | None = None
+) -> FileComparison:
+    """Common landmarks of two files, each a photograph or a panorama: its folder, or one picture.
 
-    Two panoramas are compared as such, by the variant of that name. A panorama beside a photograph
-    is taken as its views, of which the one with the most in common counts. ImageError names a file
+    model: of pictures, ``PHOTOGRAPH`` or one of ``panorama.sources.MODELS``; None: as the metadata
+    say, else a photograph, but for a picture twice as wide as high, of which that must be told. Two
+    panoramas are compared as such, by the variant of that name. A panorama beside a photograph is
+    taken as its views, of which the one with the most in common counts. ImageError names a file
     that cannot serve; MissionError: there is no such variant.
     """
     chosen = variant_named(variant) if variant != DEFAULT else None
-    left, right = _load(a), _load(b)
+    if Path(b).is_dir():
+        right = _load(b, model)
+        left = _load(a, model, right.rig if isinstance(right, Panorama) else None)
+    else:
+        left = _load(a, model)
+        right = _load(b, model, left.rig if isinstance(left, Panorama) else None)
     if isinstance(left, Panorama) and isinstance(right, Panorama):
         found = compared(chosen or variant_named(variant), left, right)
         return FileComparison(found, left.cylinder, right.cylinder, left.rig)
@@ -223,14 +236,28 @@ def landmarks_of_files(a: str | Path, b: str | Path, variant: str = DEFAULT) -> 
     return FileComparison(Comparison(tuple(claims), None), views_a[i], views_b[j], None)
 
 
-def _load(path: str | Path) -> Panorama | NDArray[np.uint8]:
+def _load(
+    path: str | Path, model: str | None, rig: CameraRig | None = None
+) -> Panorama | NDArray[np.uint8]:
+    """rig: of a panorama that this one, if it is one, is compared with."""
     if Path(path).is_dir():
         panorama = Panorama.load(path)
-        check_not_blank(panorama.cylinder, str(path))
-        return panorama
-    image = read_image(path)
-    _check_usable(image, str(path))
-    return image
+    else:
+        content = read_content(path)
+        image = decode_image(content, str(path))
+        told = metadata_of(content, str(path)).projection if model is None else ""
+        height, width = image.shape[:2]
+        if model is None and not told and width == 2 * height:
+            raise ImageError(
+                f"{path}: twice as wide as high, and its metadata do not tell what it shows: say "
+                f"--model equirectangular if it is a full sphere, else --model {PHOTOGRAPH}"
+            )
+        if model == PHOTOGRAPH or not (model or told):
+            _check_usable(image, str(path))
+            return image
+        panorama = import_panorama(path, Source(model), rig).panorama
+    check_not_blank(panorama.cylinder, str(path))
+    return panorama
 
 
 def _check_usable(image_rgb: NDArray[np.uint8], what: str) -> None:

@@ -88,7 +88,13 @@ def halved(panorama: Panorama) -> Panorama:
     size = rig.width_px // 2, rig.height_px // 2
     small = replace(rig, width_px=size[0], height_px=size[1])
     views = [cv2.resize(v, size, interpolation=cv2.INTER_AREA) for v in panorama.views]
-    return Panorama(small, np.stack(views).astype(np.uint8))
+    seen = panorama.seen
+    if seen is not None:
+        shares = [
+            cv2.resize(s.astype(np.float32), size, interpolation=cv2.INTER_AREA) for s in seen
+        ]
+        seen = np.stack(shares) > 1 - 1e-3
+    return Panorama(small, np.stack(views).astype(np.uint8), seen)
 
 
 def variant_named(name: str, min_score: float | None = None) -> Variant:

@@ -1,0 +1,115 @@
+"""Homing between pictures of a database: a yard's, where truth is known, and refused ones."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+from sights import RIG, look
+
+from vrchain.cli import app
+from vrchain.errors import MissionError
+from vrchain.experiments.homing_database import (
+    as_table,
+    evaluate,
+    grid_spacing_m,
+    summarise,
+)
+from vrchain.geometry import Pose
+from vrchain.panorama.databases import DatabaseEntry, read_database, write_database
+
+POSES = [Pose(x, y, 0.7 * x - y) for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0, 2.0)]
+SPACING_M = 0.9, 2.9
+
+
+@pytest.fixture(scope="module")
+def grid(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Nine panoramas of a yard on a grid of 1 m."""
+    folder = tmp_path_factory.mktemp("grid")
+    taken = [(DatabaseEntry(Path(f"{k}"), pose), look(pose, RIG)) for k, pose in enumerate(POSES)]
+    write_database(folder, taken)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def found(grid: Path) -> pd.DataFrame:
+    asked = {"seed": 3000, "most_pairs": 16, "spacing_m": SPACING_M}
+    return evaluate(
+        read_database(grid), ["epipolar", "scale"], tilts_deg=(0.0, 5.0), **asked,
+        compass_errors_deg=(10.0,),
+    )  # fmt: skip
+
+
+def test_home_vectors_are_judged_by_the_poses(found: pd.DataFrame) -> None:
+    rows = [f"{m}{c}, tilt {t}" for t in (0, 5) for m in ("epipolar", "scale")
+            for c in ("", ", compass 10")]  # fmt: skip
+    assert list(dict.fromkeys(found.method)) == rows
+    assert found.groupby("method").size().unique().tolist() == [16]
+    assert found.range_m.between(*SPACING_M).all() and found.home.nunique() == 2
+    summary = summarise(found, SPACING_M)
+    for row in rows[:2] + rows[4:6]:
+        own = summary[row]
+        assert own["n_pairs"] == own["answered"] == 16 and own["false_arrivals"] == 0
+        assert own["median_deg"] < 2 and own["angular_error_deg"] < 10
+        assert own["within_1_std"] <= own["within_2_std"] and own["within_2_std"] > 0.6
+    assert summary[rows[0]]["return_ratio"] == 1.0
+    assert summary[rows[2]]["angular_error_deg"] > summary[rows[0]]["angular_error_deg"]
+    assert rows[0] in as_table(summary).to_string()
+
+
+def test_figures_are_what_the_module_says() -> None:
+    """Four pairs: right, too sure, silent, and declared where it is not."""
+    table = pd.DataFrame(
+        {
+            "home": [0, 0, 1, 1], "range_m": [1.0, 2.0, 3.0, 4.9], "method": "made up",
+            "answered": [True, True, False, True], "error_deg": [1.0, 8.0, 90.0, 3.0],
+            "std_rad": np.radians([1.0, 3.0, np.nan, 2.0]), "returned": None,
+            "arrived": [False, False, False, True],
+        }
+    )  # fmt: skip
+    own = summarise(table)["made up"]
+    assert (own["n_pairs"], own["answered"], own["median_deg"]) == (4, 3, 3.0)
+    assert own["angular_error_deg"] == pytest.approx(25.5)
+    assert own["within_1_std"] == pytest.approx(1 / 3)
+    assert own["within_2_std"] == pytest.approx(2 / 3)
+    assert own["false_arrivals"] == 1 and own["return_ratio"] is None
+    bands = [v for name, v in own.items() if name.startswith("error_")]
+    assert bands == pytest.approx([4.5, 90.0, 3.0])
+
+
+def entries(points: list[tuple[float, float]], room: int = 0) -> list[DatabaseEntry]:
+    return [DatabaseEntry(Path("none"), Pose(x, y), room=room) for x, y in points]
+
+
+def test_positions_that_form_a_grid_are_known_from_others() -> None:
+    near = [(x / 10, y / 10) for x in range(4) for y in range(4)]
+    assert grid_spacing_m(entries(near)) == pytest.approx(0.1)
+    assert grid_spacing_m(entries(near[:4])) is None
+    draws = np.random.default_rng(0).uniform(0, 4, (30, 2))
+    assert grid_spacing_m(entries([tuple(p) for p in draws])) is None
+    assert grid_spacing_m(entries([(0.3 * k, 0.0) for k in range(12)])) == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    ("asked", "word"),
+    [
+        ({"methods": ["warp"]}, "no homing method warp: there are epipolar"),
+        ({"spacing_m": (4.0, 5.0)}, "the nearest two are 0.1 m apart: give another --spacing"),
+    ],
+)
+def test_what_cannot_be_asked_is_refused_before_a_picture_is_read(asked: dict, word: str) -> None:
+    with pytest.raises(MissionError, match=word):
+        evaluate(entries([(0, 0), (0.1, 0), (0.3, 0)]), seed=0, **asked)
+    apart = entries([(0, 0)]) + entries([(1.5, 0)], room=1)
+    with pytest.raises(MissionError, match="among 2: no room has two"):
+        evaluate(apart, seed=0)
+
+
+def test_the_command_tells_one_object(grid: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    command = ["evaluate", "homing-database", str(grid), "--spacing", "0.9", "1.1", "--json",
+               "--pairs", "2", "--method", "scale", "--compass-error", "5"]  # fmt: skip
+    app(command, standalone_mode=False)
+    told = json.loads(capsys.readouterr().out)
+    assert list(told) == ["scale", "scale, compass 5"]
+    assert told["scale"]["n_pairs"] >= 2 and told["scale"]["return_ratio"] is not None

@@ -1,0 +1,249 @@
+"""How well homing works between the pictures of a database, whose positions are known.
+
+*Pairs.* Every picture is a home, and every other one of its floor and room, so far away, a start.
+Where there are more pairs than asked for, homes are drawn until there are enough. The angular error
+is that of the home vector at the start; no answer counts as 90 degrees. An arrival declared farther
+than 0.3 m from home is false.
+
+*Return*, where the positions form a grid, is that of ``homing``: the robot goes on by the home
+vectors of the nearest pictures, and fails where there are none. On a coarse grid it has returned
+where home's picture is the nearest.
+
+*Tilt.* Every picture is tilted by one angle about a horizontal axis of its own before it is looked
+at; what comes into view at its upper and lower edge repeats the edge. *Compass.* The true heading
+with a normal error; a row of each deviation.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import cache, partial
+from itertools import pairwise
+
+import cv2
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from vrchain.errors import ImageError, MissionError
+from vrchain.experiments.homing import COMPASS, RETURNED_M, Free, Grid, judged, returned
+from vrchain.experiments.intervals import Bootstrap, or_none, table_of
+from vrchain.geometry import wrap_angle_rad
+from vrchain.homing import METHODS, Snapshot, Views, snapshot
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama.databases import DatabaseEntry, panorama_of
+from vrchain.seeding import generator
+
+SPACING_M = 1.0, 5.0
+BANDS = 3  # of the distance, equally wide
+_CELL = 0.71  # from a cell's middle to its corner, in its sides
+_LEAST_GRID, _EVEN, _MOST = 9, 0.1, 0.8  # positions of a grid; how even it is, and how many are
+
+
+def evaluate(
+    entries: Sequence[DatabaseEntry],
+    methods: Sequence[str] = tuple(METHODS),
+    *,
+    seed: int,
+    most_pairs: int = 200,
+    spacing_m: tuple[float, float] = SPACING_M,
+    tilts_deg: Sequence[float] = (0.0,),
+    compass_errors_deg: Sequence[float] = (0.0,),
+) -> pd.DataFrame:
+    """Home vectors of pairs of pictures, one row a pair, method, tilt and compass.
+
+    Columns: home (its number), start, x_m, y_m (of the start, from home), range_m, method (the
+    row's name), answered, course_rad, error_deg, std_rad, arrived, remoteness, n_matches, returned
+    (None where positions form no grid). MissionError: a method that there is not, or no pairs.
+    """
+    unknown = [name for name in methods if name not in METHODS]
+    if unknown:
+        raise MissionError(f"no homing method {', '.join(unknown)}: there are {', '.join(METHODS)}")
+    spacing = grid_spacing_m(entries)
+    near_m = spacing_m[0] if spacing is None else 0.0  # a robot that returns comes nearer
+    homes = _homes(entries, spacing_m, near_m, most_pairs, generator(seed, "homes"))
+    told = [entry.height_m for entry in entries if entry.height_m is not None]
+    height_m = float(np.median(told)) if told else CameraRig.camera_height_m
+    found = []
+    for tilt_deg in tilts_deg:
+        look = cache(partial(_look, entries, height_m, tilt_deg, seed))
+        for home, pairs in homes.items():
+            rows = [
+                row
+                for start in pairs
+                for row in _from(entries, look, start, home, methods, compass_errors_deg, seed)
+            ]
+            found.append(_with_returns(pd.DataFrame(rows), spacing))
+            if tilt_deg or len(tilts_deg) > 1:
+                found[-1]["method"] += f", tilt {tilt_deg:g}"
+    table = pd.concat(found, ignore_index=True)
+    low, high = spacing_m
+    return table[(table.range_m >= low) & (table.range_m <= high)]
+
+
+def grid_spacing_m(entries: Sequence[DatabaseEntry]) -> float | None:
+    """The spacing of the grid that the positions form; None if they form none."""
+    points = np.array([entry.pose.xy_m for entry in entries])
+    if len(points) < _LEAST_GRID:
+        return None
+    points = np.unique(points.round(3), axis=0)
+    nearest_m = np.sort(cKDTree(points).query(points, k=min(5, len(points)))[0][:, 1:])
+    spacing_m = float(np.median(nearest_m[:, 0]))
+    even = np.abs(nearest_m[:, :2] - spacing_m) <= _EVEN * spacing_m
+    return spacing_m if even.mean() >= _MOST else None
+
+
+def _homes(
+    entries: Sequence[DatabaseEntry],
+    spacing_m: tuple[float, float],
+    near_m: float,
+    most_pairs: int,
+    draws: np.random.Generator,
+) -> dict[int, list[int]]:
+    """Starts of each home, those from near_m on, even if nearer than asked for."""
+    low, high = spacing_m
+    homes: dict[int, list[int]] = {}
+    n_pairs, ranges_m = 0, [np.inf]
+    for home in draws.permutation(len(entries)).tolist():
+        at = entries[home]
+        fellows = [
+            (k, at.pose.distance_to_m(entry.pose.xy_m))
+            for k, entry in enumerate(entries)
+            if (entry.floor, entry.room) == (at.floor, at.room)
+        ]
+        asked = sum(low <= range_m <= high for _, range_m in fellows)
+        ranges_m += [range_m for k, range_m in fellows if k != home]
+        if asked and (n_pairs == 0 or n_pairs + asked <= most_pairs):
+            homes[home] = [k for k, range_m in fellows if near_m <= range_m <= high]
+            n_pairs += asked
+    if not homes:
+        nearest_m = min(ranges_m)
+        why = "no room has two"
+        if np.isfinite(nearest_m):
+            why = f"the nearest two are {nearest_m:.2g} m apart: give another --spacing"
+        raise MissionError(
+            f"expected two pictures of one room {low:g} to {high:g} m apart, found none among "
+            f"{len(entries)}: {why}"
+        )
+    return homes
+
+
+def _look(
+    entries: Sequence[DatabaseEntry], height_m: float, tilt_deg: float, seed: int, k: int
+) -> Snapshot:
+    """The snapshot of a picture, tilted."""
+    panorama = panorama_of(replace(entries[k], height_m=height_m))
+    if not panorama.rig.closed:
+        raise ImageError(f"{entries[k].file}: expected a panorama all around, got a view")
+    axis_rad = generator(seed, "tilt", k).uniform(-np.pi, np.pi)
+    return snapshot(tilted(panorama, np.radians(tilt_deg), axis_rad) if tilt_deg else panorama)
+
+
+def tilted(panorama: Panorama, tilt_rad: float, axis_rad: float) -> Panorama:
+    """What its cameras would see tilted about a horizontal axis, by the right hand's rule."""
+    axis = np.array([np.cos(axis_rad), np.sin(axis_rad), 0.0])
+    turn = cv2.Rodrigues(axis * tilt_rad)[0]
+    rig, views = panorama.rig, np.empty_like(panorama.views)
+    seen = None if panorama.seen is None else np.empty_like(panorama.seen)
+    for n, (view, rays) in enumerate(zip(views, rig.ray_directions(), strict=True)):
+        x, y, z = np.moveaxis(rays @ turn.T, -1, 0)
+        bearing, slope = np.arctan2(y, x), z / np.hypot(x, y)
+        owner = rig.view_of_bearing(bearing)
+        x_px, y_px = (p.astype(np.float32) for p in rig.project(owner, bearing, slope))
+        for k in np.unique(owner):
+            own = owner == k
+            drawn = cv2.remap(
+                panorama.views[k], x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            )
+            view[own] = drawn[own]
+            if seen is not None and panorama.seen is not None:
+                whole = panorama.seen[k].astype(np.uint8)
+                seen[n][own] = cv2.remap(whole, x_px, y_px, cv2.INTER_NEAREST)[own] > 0
+    return Panorama(rig, views, seen)
+
+
+def _from(
+    entries: Sequence[DatabaseEntry],
+    look: Callable[[int], Snapshot],
+    start: int,
+    home: int,
+    methods: Sequence[str],
+    compass_errors_deg: Sequence[float],
+    seed: int,
+) -> list[dict[str, object]]:
+    """What every method says at a start, with each compass and without."""
+    here, there = entries[start].pose, entries[home].pose
+    offset_m = here.xy_m - there.xy_m
+    error = generator(seed, "compass", start, home).normal()
+    views = Views(look(start), look(home))
+    rows: list[dict[str, object]] = []
+    for name in methods:
+        for error_deg in (None, *compass_errors_deg):
+            told = None
+            if error_deg is not None:
+                turned_rad = there.yaw_rad - here.yaw_rad + error * np.radians(error_deg)
+                told = float(wrap_angle_rad(turned_rad))
+            row = name if error_deg is None else f"{name}{COMPASS} {error_deg:g}"
+            vector = METHODS[name](views, told)
+            rows.append(
+                {"home": home, "start": start, "x_m": float(offset_m[0]), "y_m": float(offset_m[1])}
+                | {"range_m": float(np.hypot(*offset_m)), "method": row}
+                | judged(vector, here.yaw_rad, offset_m)
+            )
+    return rows
+
+
+def _with_returns(rows: pd.DataFrame, spacing_m: float | None) -> pd.DataFrame:
+    """Rows of one home with ``returned``; a robot can stand where a picture is near."""
+    if spacing_m is None:
+        return rows.assign(returned=None)
+    tree = cKDTree(rows[["x_m", "y_m"]].to_numpy())
+    free: Free = lambda at: tree.query(at)[0] <= spacing_m  # noqa: E731
+    range_m = rows.range_m[rows.range_m > 0].min()
+    within_m = max(RETURNED_M, _CELL * float(range_m))
+    for _, own in rows.groupby("method"):
+        rows.loc[own.index, "returned"] = returned(own, free, Grid(spacing_m), within_m)
+    return rows
+
+
+def summarise(
+    found: pd.DataFrame, spacing_m: tuple[float, float] = SPACING_M
+) -> dict[str, dict[str, object]]:
+    """The figures of each row's name; 95 % intervals under NAME_ci by bootstrap over homes.
+
+    n_pairs; answered; median_deg, of answers; angular_error_deg, no answer counted as 90; the same
+    within bands of the distance; within_1_std, within_2_std: shares of answers whose error is up to
+    so many of the deviations stated; false_arrivals; return_ratio.
+    """
+    edges_m = np.linspace(*spacing_m, BANDS + 1)
+    return {
+        str(method): _summary(own, edges_m) for method, own in found.groupby("method", sort=False)
+    }
+
+
+def _summary(own: pd.DataFrame, edges_m: NDArray[np.float64]) -> dict[str, object]:
+    told = Bootstrap(own.home, "homing database")
+    answers = own[own.answered]
+    std_deg = np.degrees(answers.std_rad)
+    banded = own.error_deg.groupby(np.searchsorted(edges_m[1:-1], own.range_m)).mean()
+    back = own.returned.dropna()
+    return {
+        "n_pairs": len(own),
+        "answered": len(answers),
+        "median_deg": or_none(answers.error_deg.median()),
+        **told.mean("angular_error_deg", own.error_deg, own.home),
+        **{
+            f"error_{low:.2g}_{high:.2g}_m_deg": or_none(banded.get(k, np.nan))
+            for k, (low, high) in enumerate(pairwise(edges_m))
+        },
+        "within_1_std": or_none((answers.error_deg <= 1 * std_deg).mean()),
+        "within_2_std": or_none((answers.error_deg <= 2 * std_deg).mean()),
+        "false_arrivals": int((own.arrived & (own.range_m > RETURNED_M)).sum()),
+        "return_ratio": float(back.astype(float).mean()) if len(back) else None,
+    }
+
+
+def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
+    """The figures to read: one row a method, intervals in brackets."""
+    first = next(iter(summary.values()))
+    return table_of(summary, [n for n in first if not n.endswith("_ci")], "method", ".2f")

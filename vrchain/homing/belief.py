@@ -1,0 +1,117 @@
+"""What matched keypoints make believe of the way home: a chance for every direction.
+
+Poses that two matches determine, and a grid of all, are weighed roughly; the likeliest are led to
+their peaks, upright and tilted. Peaks with their evidence, and the grid, which also holds what
+sizes alone say, are one distribution. Its mean error, wherever home is said to lie, is known.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.matching.epipolar import from_two
+from vrchain.landmarks.matching.tilted import Likelihood, Peaks
+from vrchain.seeding import generator
+
+Array = NDArray[np.float64]
+
+_DIRECTIONS = 720
+_BEARING_RAD = (np.arange(_DIRECTIONS) + 0.5) * (2 * np.pi / _DIRECTIONS) - np.pi
+_GRID = 48  # directions, and as many headings
+_PAIRS = 800  # of matches, each with up to four poses
+_ROUGH_RAD = 0.02  # how near the constraint matches lie for a pose yet to be led to its peak
+_LED, _APART_RAD = 40, 0.06  # poses led to their peaks, and how far apart
+_SAME_RAD = 0.02  # peaks that are one
+_ALONE = 0.99  # share of a peak beside which no other counts
+
+
+@dataclass(frozen=True, eq=False)
+class Belief:
+    """chance: (720,) of directions from -pi on. peaks: the likeliest first; share (k,) of each."""
+
+    chance: Array
+    peaks: Peaks
+    share: Array
+
+    def best(self) -> tuple[float, float, float]:
+        """The direction of least mean error, the root mean square of its error, and the mean."""
+        if self.share[0] > _ALONE:
+            direction, std_rad = float(self.peaks.poses[0, 0]), float(self.peaks.std_rad[0])
+            return float(wrap_angle_rad(direction)), std_rad, std_rad
+        apart = np.abs(wrap_angle_rad(_BEARING_RAD - _BEARING_RAD[0]))
+        mean = np.fft.irfft(np.fft.rfft(self.chance) * np.fft.rfft(apart), n=_DIRECTIONS)
+        k = int(mean.argmin())
+        off = wrap_angle_rad(_BEARING_RAD - _BEARING_RAD[k])
+        near = np.abs(off) < _APART_RAD
+        within = float(self.chance[near].sum())
+        direction = _BEARING_RAD[k] + float(self.chance[near] @ off[near]) / max(within, 1e-12)
+        off = wrap_angle_rad(_BEARING_RAD - direction)
+        std_rad = float(np.sqrt(self.chance @ off**2))
+        return float(wrap_angle_rad(direction)), std_rad, float(mean[k])
+
+
+def likeliest(likelihood: Likelihood, starts: Array) -> Peaks:
+    """The peaks uphill of (k, 2) directions, upright and tilted, the likeliest first."""
+    poses = np.zeros((len(starts), 6))
+    poses[:, :2] = starts
+    upright = likelihood.peaks(poses, tilted=False)
+    tilted = likelihood.peaks(upright.poses, tilted=True)
+    both = Peaks(*(np.concatenate([u, t]) for u, t in
+                   zip(vars(upright).values(), vars(tilted).values(), strict=True)))  # fmt: skip
+    return both.take(np.argsort(-both.log_evidence, kind="stable"))
+
+
+def believe(likelihood: Likelihood, bearings_slopes: tuple[Array, Array, Array, Array]) -> Belief:
+    """The belief by a likelihood and the bearings and slopes of its matches, two or more."""
+    grid = np.arange(_GRID) * (2 * np.pi / _GRID)
+    every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+    share = likelihood.chance / likelihood.chance.sum()
+    draws = generator(0, "pairs of matches", len(share))
+    pairs = draws.choice(len(share), (_PAIRS, 2), p=share)
+    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+    poses = np.concatenate([np.column_stack(from_two(bearings_slopes, pairs)), every])
+    rough = likelihood.coarse(poses, _ROUGH_RAD)
+    starts = _apart(poses, rough, _LED, _APART_RAD)
+    cells = rough[-len(every) :].reshape(_GRID, _GRID) + 2 * np.log(2 * np.pi / _GRID)
+    return of_peaks(likeliest(likelihood, starts), cells)
+
+
+def of_peaks(peaks: Peaks, cells: Array | None = None) -> Belief:
+    """The belief by peaks, the likeliest first, and log-odds of cells (directions, headings)."""
+    peaks, chance = _single(peaks), np.zeros(_DIRECTIONS)
+    top = float(peaks.log_evidence[0])
+    if cells is not None:
+        top = max(top, float(cells.max()))
+        by_grid = np.exp(cells - top).sum(axis=1)
+        grid = np.arange(len(by_grid)) * (2 * np.pi / len(by_grid))
+        chance += np.interp(_BEARING_RAD, grid, by_grid, period=2 * np.pi)
+        chance *= len(by_grid) / _DIRECTIONS
+    weights = np.exp(peaks.log_evidence - top)
+    for direction, std_rad, weight in zip(peaks.poses[:, 0], peaks.std_rad, weights, strict=True):
+        off = wrap_angle_rad(_BEARING_RAD - direction) / max(std_rad, 2 * np.pi / _DIRECTIONS)
+        bump = np.exp(-(off**2) / 2)
+        chance += weight * bump / bump.sum()
+    total = float(chance.sum())
+    return Belief(chance / total, peaks, weights / total)
+
+
+def _apart(poses: Array, score: Array, most: int, apart_rad: float) -> Array:
+    """The best poses, at most so many, none near a better one."""
+    left = poses[np.argsort(-score, kind="stable")]
+    kept: list[Array] = []
+    while len(left) and len(kept) < most:
+        kept.append(left[0])
+        left = left[np.abs(wrap_angle_rad(left - left[0])).max(axis=1) > apart_rad]
+    return np.array(kept)
+
+
+def _single(peaks: Peaks) -> Peaks:
+    """Each peak once."""
+    left, kept = np.arange(len(peaks.poses)), []
+    while len(left):
+        kept.append(left[0])
+        off = wrap_angle_rad(peaks.poses[left, :2] - peaks.poses[left[0], :2])
+        left = left[np.abs(off).max(axis=1) > _SAME_RAD]
+    return peaks.take(np.array(kept))
