@@ -116,6 +116,8 @@ def test_pictures_that_are_compared_are_not_written_over(
 ) -> None:
     before = everything(tmp_path)
     (tmp_path / "link.png").symlink_to(image)
+    assert "expected two pictures" in refused("landmarks", image)
+    assert "--why draws nothing" in refused("landmarks", image, image, "--why", "-o", image)
     assert "one of the pictures" in refused("landmarks", image, image, "-o", image)
     assert "plain file" in refused("landmarks", image, image, "-o", tmp_path / "link.png")
     assert "ends in .png" in refused("landmarks", image, image, "-o", tmp_path / "out.jpg")
@@ -524,6 +526,9 @@ def test_landmarks_of_two_pictures(image: Path, tmp_path: Path) -> None:
             # a photograph's camera is not known
             assert region["bearing_rad"] is region["range_m"] is None
     assert (tmp_path / "out.png").read_bytes().startswith(b"\x89PNG")
+    stages = answer("landmarks", image, shifted, "--why")["stages"]
+    assert [name for name, _ in stages] == ["found", "match", "agree", "answer"]
+    assert "keypoints" in dict(answer("landmarks", image, "--why")["stages"])["found"]
 
 
 def test_landmarks_of_two_panoramas(here: Here, tmp_path: Path) -> None:

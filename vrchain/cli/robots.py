@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vrchain.cli.options import Folder, Json, Spec, check_picture, doing, suburb_of
-from vrchain.errors import OutputError
+from vrchain.errors import ImageError, OutputError
 from vrchain.files import check_output_folder, output_folder, write_file
 
 if TYPE_CHECKING:
@@ -20,7 +20,9 @@ if TYPE_CHECKING:
 
 def landmarks(
     a: Annotated[Path, typer.Argument(metavar="A", help="A photograph or a panorama's folder.")],
-    b: Annotated[Path, typer.Argument(metavar="B", help="Another one.")],
+    b: Annotated[
+        Path | None, typer.Argument(metavar="B", help="Another one; may lack with --why.")
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="PICTURE.png", help="Draw them.")
     ] = None,
@@ -38,6 +40,9 @@ def landmarks(
             "fisheye; asked for where one is twice as wide as high."
         ),
     ] = None,
+    why: Annotated[
+        bool, typer.Option("--why", help="Tell what each stage found, and why no more.")
+    ] = False,
     as_json: Json = False,
 ) -> None:
     """Find what two photographs or panoramas have in common.
@@ -48,6 +53,15 @@ def landmarks(
     from vrchain.landmarks.matching.photos import landmarks_of_files
     from vrchain.landmarks.matching.variants import variant_named
 
+    if why:
+        if output is not None or variant != "cnn+sift":
+            raise OutputError(
+                "--why draws nothing and tells of cnn+sift: leave out -o and --variant"
+            )
+        _why(a, b, model, as_json)
+        return
+    if b is None:
+        raise ImageError("expected two pictures to compare; --why tells of one what it shows")
     if output is not None:
         check_picture(output)
         if output.resolve() in {
@@ -84,6 +98,18 @@ def landmarks(
             for side, r in (("a", told["a"]), ("b", told["b"]))
         )
         print(f"{number}: score {claim.score:.2f}, {claim.matches} matches, {regions}")
+
+
+def _why(a: Path, b: Path | None, model: str | None, as_json: bool) -> None:
+    from vrchain.landmarks.matching.why import seen_in, why_files
+
+    with doing(f"looking at {a}" if b is None else f"comparing {a} and {b}"):
+        told = list(seen_in(a, model) if b is None else why_files(a, b, model))
+    if as_json:
+        print(json.dumps({"stages": told}))
+        return
+    for stage, found in told:
+        print(f"{stage}: {found}")
 
 
 def _told(found: "FileComparison", claim: "CommonLandmark") -> dict[str, Any]:

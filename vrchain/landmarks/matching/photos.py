@@ -30,6 +30,7 @@ from vrchain.seeding import generator
 
 Index = NDArray[np.int64]
 Matched = tuple[Index, Index]
+Picture = Panorama | NDArray[np.uint8]
 
 PHOTOGRAPH = "photograph"
 _LONGEST_SIDE_PX = 1000
@@ -213,12 +214,7 @@ def landmarks_of_files(
     that cannot serve; MissionError: there is no such variant.
     """
     chosen = variant_named(variant) if variant != DEFAULT else None
-    if Path(b).is_dir():
-        right = _load(b, model)
-        left = _load(a, model, right.rig if isinstance(right, Panorama) else None)
-    else:
-        left = _load(a, model)
-        right = _load(b, model, left.rig if isinstance(left, Panorama) else None)
+    left, right = load_both(a, b, model)
     if isinstance(left, Panorama) and isinstance(right, Panorama):
         found = compared(chosen or variant_named(variant), left, right)
         return FileComparison(found, left.cylinder, right.cylinder, left.rig)
@@ -236,10 +232,17 @@ def landmarks_of_files(
     return FileComparison(Comparison(tuple(claims), None), views_a[i], views_b[j], None)
 
 
-def _load(
-    path: str | Path, model: str | None, rig: CameraRig | None = None
-) -> Panorama | NDArray[np.uint8]:
-    """rig: of a panorama that this one, if it is one, is compared with."""
+def load_both(a: str | Path, b: str | Path, model: str | None) -> tuple[Picture, Picture]:
+    """Two files as ``landmarks_of_files`` takes them; a picture gets the rig of a folder's."""
+    if Path(b).is_dir():
+        right = load_picture(b, model)
+        return load_picture(a, model, right.rig if isinstance(right, Panorama) else None), right
+    left = load_picture(a, model)
+    return left, load_picture(b, model, left.rig if isinstance(left, Panorama) else None)
+
+
+def load_picture(path: str | Path, model: str | None, rig: CameraRig | None = None) -> Picture:
+    """A file as ``landmarks_of_files`` takes it; rig: of a panorama that it is compared with."""
     if Path(path).is_dir():
         panorama = Panorama.load(path)
     else:

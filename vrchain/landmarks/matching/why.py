@@ -1,19 +1,48 @@
 """Why two pictures have no more in common: what each stage found, and what it left."""
 
 from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 
-from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.extraction.record import LandmarkRecord, examine
 from vrchain.landmarks.matching import photos
 from vrchain.landmarks.matching.calibration import load_calibration
 from vrchain.landmarks.matching.claims import claims_of, group_signs, grouped
+from vrchain.landmarks.matching.common import check_comparable
 from vrchain.landmarks.matching.joint import JointConfig, Judged, judged
 from vrchain.landmarks.matching.photos import Described, PhotoConfig, agreeing, by_chance
 from vrchain.landmarks.matching.poses import matches_of
+from vrchain.panorama import Panorama
 
 Told = Iterator[tuple[str, str]]
 """Stages and what they found, in order; the last is the answer."""
+
+
+def why_files(a: str | Path, b: str | Path, model: str | None = None) -> Told:
+    """Of two files, which are taken as ``landmarks_of_files`` does."""
+    left, right = photos.load_both(a, b, model)
+    if isinstance(left, Panorama) and isinstance(right, Panorama):
+        check_comparable(left, right)
+        return why_panoramas(examine(left), examine(right))
+    found = photos.landmarks_of_files(a, b, model=model)
+    return why_photographs(photos.described(found.a_rgb), photos.described(found.b_rgb))
+
+
+def seen_in(file: str | Path, model: str | None = None) -> Told:
+    """What one file has to compare."""
+    picture = photos.load_picture(file, model)
+    if not isinstance(picture, Panorama):
+        found = photos.described(picture)
+        yield "found", f"{len(found.in_sky)} keypoints, {found.in_sky.sum()} of them in the sky"
+        return
+    record = examine(picture)
+    own = record.proposals
+    away = f", {own.range_m.min():.1f} to {own.range_m.max():.1f} m away" if len(own) else ""
+    yield "proposed", f"{len(own)} landmarks{away}"
+    yield "found", f"{len(record.features)} keypoints, {len(record.spots)} spots in the landmarks"
+    if picture.seen is not None:
+        yield "seen", f"{picture.seen.mean():.0%} of all directions; the rest is masked"
 
 
 def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
@@ -53,6 +82,12 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
             "answer",
             f"nothing in common: the likeliest pose is right by {best.chance:.2f} only, and must "
             f"be by {config.min_joined}: pictures taken nearer to each other have more matches",
+        )
+    elif not len(sure) + good.sum():
+        yield (
+            "answer",
+            f"nothing in common: the likeliest pose is right by {best.chance:.2f}, but what matches "
+            "lies on the ground, or is scattered",
         )
     else:
         yield "answer", f"{len(sure) + good.sum()} common landmarks"
