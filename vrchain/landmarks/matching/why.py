@@ -86,8 +86,8 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
     elif not len(sure) + good.sum():
         yield (
             "answer",
-            f"nothing in common: the likeliest pose is right by {best.chance:.2f}, but what matches "
-            "lies on the ground, or is scattered",
+            f"nothing in common: the likeliest pose is right by {best.chance:.2f}, but what "
+            "matches lies on the ground, or is scattered",
         )
     else:
         yield "answer", f"{len(sure) + good.sum()} common landmarks"
