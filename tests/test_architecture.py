@@ -29,6 +29,7 @@ LEVELS = {
     "landmarks": 3,
     "homing": 4,
     "robot": 4,
+    "publisher": 5,
     "navigation": 5,
     "simulation": 6,
     "experiments": 7,
