@@ -32,6 +32,16 @@ class Publication:
     payload_bytes: int
 
 
+def look_due(
+    last: Observation | None, seen: Observation, look_every_m: float, max_age_s: float
+) -> bool:
+    """Whether the last look is some way or time ago."""
+    if last is None:
+        return True
+    moved_m = last.odometry.distance_to_m(seen.odometry.xy_m)
+    return moved_m >= look_every_m or (seen.time_ns - last.time_ns) / 1e9 >= max_age_s
+
+
 class Publisher:
     """Publishes for one robot; it is shown all that the robot observes, in the order of time.
 
@@ -54,12 +64,7 @@ class Publisher:
 
     def wants_look(self, seen: Observation, look_every_m: float = LOOK_EVERY_M) -> bool:
         """Whether the last look is some way or time ago: looking costs."""
-        last = self._looked
-        if last is None:
-            return True
-        moved_m = last.odometry.distance_to_m(seen.odometry.xy_m)
-        waited_s = (seen.time_ns - last.time_ns) / 1e9
-        return moved_m >= look_every_m or waited_s >= self.monitor.rules.max_age_s
+        return look_due(self._looked, seen, look_every_m, self.monitor.rules.max_age_s)
 
     def passed(self, seen: Observation) -> None:
         """The robot was there, without a look around."""

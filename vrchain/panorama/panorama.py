@@ -3,6 +3,7 @@
 import itertools
 import json
 import struct
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -68,11 +69,7 @@ class Panorama:
 
     def encode(self, codec: Codec = STORED) -> bytes:
         """One blob: magic, length of the header, JSON header (rig, sizes), the coded views."""
-        coded = [codec.encode(view) for view in self.views]
-        sizes = [len(c) for c in coded]
-        header = {"rig": asdict(self.rig), "codec": codec.name, "view_bytes": sizes}
-        table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
-        return b"".join([_MAGIC, struct.pack(">I", len(table)), table, *coded])
+        return pack(self.rig, codec.name, [codec.encode(view) for view in self.views])
 
     @classmethod
     def decode(cls, blob: bytes) -> "Panorama":
@@ -127,6 +124,13 @@ class Panorama:
         """A small grey cylinder, (16, 180) float32, to judge by how much the view has changed."""
         grey = cv2.cvtColor(self.cylinder, cv2.COLOR_RGB2GRAY)
         return cv2.resize(grey, (180, 16), interpolation=cv2.INTER_AREA).astype(np.float32)
+
+
+def pack(rig: CameraRig, codec_name: str, coded: Sequence[bytes]) -> bytes:
+    """The blob of a panorama whose views are coded already."""
+    header = {"rig": asdict(rig), "codec": codec_name, "view_bytes": [len(c) for c in coded]}
+    table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
+    return b"".join([_MAGIC, struct.pack(">I", len(table)), table, *coded])
 
 
 def view_change(before: NDArray[np.float32], now: NDArray[np.float32]) -> float:
