@@ -179,3 +179,14 @@ def clocked(stamps_ns: Iterable[int], received_ns: Iterable[int]) -> tuple[Times
         else:
             times[k], wrong = received[k] - offset, wrong + 1
     return times, usual, wrong
+
+
+def gaps_of(topic: Topic) -> dict[str, float]:
+    """How often a topic's messages came, and the longest time without one; {} of fewer than two."""
+    steps_s = np.diff(np.sort(clocked(topic.stamps_ns, topic.received_ns)[0])) / 1e9
+    if not steps_s.sum():
+        return {}
+    return {
+        "rate_hz": round(float(len(steps_s) / steps_s.sum()), 2),
+        "longest_gap_s": round(float(steps_s.max()), 2),
+    }

@@ -48,6 +48,7 @@ class _Player:
     next: int = 0
     told: int = 0  # messages of odometry that the publisher has been shown
     broken: int = 0
+    earlier: int = 0
     publications: list[Publication] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -68,6 +69,7 @@ class _Player:
                 self._drive_to(look.moment.time_ns)
                 seen = _observation(look, panorama)
                 self.publisher.remember(seen)
+        self.earlier = self.next
 
     @property
     def _moment(self) -> Moment:
@@ -89,6 +91,11 @@ class _Player:
             look_now = self.looks[self.next]
             self.next += 1
             self._look(look_now, [coded[k] for k in range(len(coded))])
+
+    def played(self) -> "Played":
+        """What came of it, in the end."""
+        told = (self.publisher.robot, len(self.looks), self.broken, self.earlier)
+        return Played(*told, tuple(self.publications))
 
     def _look(self, look: Look, coded: Sequence[Message]) -> None:
         try:
@@ -158,11 +165,15 @@ def looks_of(recorded: Recorded, look_every_m: float, max_age_s: float) -> list[
 
 @dataclass(frozen=True)
 class Played:
-    """What came of one robot's recording. broken: looks whose pictures could not be read."""
+    """What came of one robot's recording.
+
+    broken: looks whose pictures could not be read; earlier: looks that an earlier call has done.
+    """
 
     robot: str
     looks: int
     broken: int
+    earlier: int
     publications: tuple[Publication, ...]
 
 
@@ -206,6 +217,4 @@ def publish_bags(
         seen[message.topic] += 1
         for player, look, camera in wanted[message.topic].pop(seen[message.topic], ()):
             player.take(look, camera, message)
-    return [
-        Played(p.publisher.robot, len(p.looks), p.broken, tuple(p.publications)) for p in players
-    ]
+    return [player.played() for player in players]

@@ -1,7 +1,7 @@
 """One robot in bags: its way by odometry, its cameras, and when all of them show one moment."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -70,6 +70,24 @@ class Recorded:
     labels: tuple[str | None, ...]
     moments: tuple[Moment, ...]
 
+    def summary(self) -> dict[str, Any]:
+        """What would be used, as plain values and as text."""
+        rig, steps = self.ring.rig, np.diff(self.way.poses[:, :2], axis=0)
+        driven_m = float(np.hypot(*steps.T).sum())
+        made = "as they are" if self.ring.exact else "resampled"
+        return {
+            "rig": asdict(rig), "exact": self.ring.exact, "moments": len(self.moments),
+            "driven_m": round(driven_m, 2),
+            "text": f"{len(self.moments)} moments, {driven_m:.1f} m by odometry; "
+            f"{rig.n_views} views of {rig.width_px} x {rig.height_px} pixels and "
+            f"{rig.field_of_view_deg:g} degrees, {made}; cameras {rig.camera_height_m:g} m up",
+            "cameras": [
+                f"{c.topic}: {c.width_px} x {c.height_px}, "
+                f"{'equidistant' if c.fisheye else 'pinhole'}, looks along {np.degrees(c.bearing_rad):.1f} degrees"
+                for c in self.ring.cameras
+            ],
+        }  # fmt: skip
+
 
 Tell = Callable[[str], None]
 
@@ -122,6 +140,15 @@ def robot_in(
     times = [_shared_clock(own[topic], offset_ns, tell) for topic in order]
     moments = _moments(name, order, times, round(slop_s * 1e9), tell)
     return Recorded(name, way, ring, order, tuple(labels[t] for t in order), moments)
+
+
+def robots_in(contents: Contents) -> dict[str, str]:
+    """Names and namespaces of what may be robots: each first part of a topic of odometry."""
+    odometry = [t.name for t in contents.topics.values() if t.type == ODOMETRY]
+    first = {name.split("/")[1] for name in odometry if name.count("/") > 1}
+    pictures = [t.name for t in contents.topics.values() if t.type in (IMAGE, COMPRESSED)]
+    own = sorted(f for f in first if any(p.startswith(f"/{f}/") for p in pictures))
+    return {name: f"/{name}" for name in own} or {"R1": "/"}
 
 
 def _odometry(

@@ -66,6 +66,7 @@ def assemble(
     seed: int,
     rules: UpdateRules | None = None,
     examine: Examine | None = None,
+    body_of: Callable[[Simulator, str], SimulatedBody] = SimulatedBody,
 ) -> dict[str, PublishingRobot]:
     """The simulator's robots, able to publish with keys that derive from the seed.
 
@@ -77,7 +78,7 @@ def assemble(
             Publisher(body.name, ledger, simulated_key(seed, body.name), rules, examine),
             body.located,
         )
-        for body in (SimulatedBody(simulator, name) for name in simulator.robots)
+        for body in (body_of(simulator, name) for name in simulator.robots)
     }
 
 
