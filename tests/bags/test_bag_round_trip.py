@@ -111,7 +111,7 @@ def test_a_break_and_the_same_call_again(tmp_path: Path) -> None:
 
 
 def test_what_was_exported_is_a_trajectory_too() -> None:
-    folder, made = patrol("mcap", "jpeg")
+    folder, _ = patrol("mcap", "jpeg")
     rows = [line.split() for line in (folder / "R1_odometry.tum").read_text().splitlines()]
     assert {len(row) for row in rows} == {8} and float(rows[-1][0]) > 20
     assert len((folder / "R1_truth.tum").read_text().splitlines()) == len(rows)

@@ -51,6 +51,13 @@ class Camera:
         assert self.pose is not None
         return float(np.arctan2(self.pose[1, 2], self.pose[0, 2]))
 
+    def text(self) -> str:
+        """One line about it."""
+        kind = "equidistant" if self.fisheye else "pinhole"
+        degrees = float(np.degrees(self.bearing_rad))
+        size = f"{self.width_px} x {self.height_px}"
+        return f"{self.topic}: {size}, {kind}, looks along {degrees:.1f} degrees"
+
     def pixels(self, rays: ArrayLike) -> tuple[Array, Array, Array]:
         """x and y of rays (..., 3) in the robot's frame, and the cosine to its axis.
 

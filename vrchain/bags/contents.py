@@ -177,7 +177,8 @@ def clocked(stamps_ns: Iterable[int], received_ns: Iterable[int]) -> tuple[Times
         if is_told and abs(late_ns - offset) <= _APART_NS:
             offset = late_ns
         else:
-            times[k], wrong = received[k] - offset, wrong + 1
+            times[k] = received[k] - offset
+            wrong += times[k] != stamps[k]
     return times, usual, wrong
 
 

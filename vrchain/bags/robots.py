@@ -81,11 +81,7 @@ class Recorded:
             "text": f"{len(self.moments)} moments, {driven_m:.1f} m by odometry; "
             f"{rig.n_views} views of {rig.width_px} x {rig.height_px} pixels and "
             f"{rig.field_of_view_deg:g} degrees, {made}; cameras {rig.camera_height_m:g} m up",
-            "cameras": [
-                f"{c.topic}: {c.width_px} x {c.height_px}, "
-                f"{'equidistant' if c.fisheye else 'pinhole'}, looks along {np.degrees(c.bearing_rad):.1f} degrees"
-                for c in self.ring.cameras
-            ],
+            "cameras": [camera.text() for camera in self.ring.cameras],
         }  # fmt: skip
 
 
@@ -123,8 +119,8 @@ def robot_in(
     prefix = namespace.rstrip("/") + "/"
     own = {t.name: t for t in contents.topics.values() if t.name.startswith(prefix)}
     if not own:
-        some = ", ".join(sorted(contents.topics)[:8])
-        raise BagError(f"{name}: no topic begins with {prefix}; there are {some}")
+        some = ", ".join(sorted({t.split("/")[1] for t in contents.topics})[:8])
+        raise BagError(f"{name}: no topic begins with {prefix}; there are /{some}: see bag info")
     odometry = _odometry(name, prefix, own, rig, tell)
     way, offset_ns = _way(odometry, tell)
     chosen = _camera_topics(name, prefix, own, rig, tell)

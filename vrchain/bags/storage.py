@@ -300,13 +300,16 @@ def _sqlite_messages(path: Path, wanted: Wanted) -> Iterator[Message]:
     uri = f"file:{path.resolve().as_posix().replace('?', '%3f').replace('#', '%23')}?mode=ro"
     try:
         with closing(sqlite3.connect(uri, uri=True)) as database:
+            database.execute("PRAGMA writable_schema = ON")  # else one that was cut is refused
+            database.text_factory = lambda text: text.decode(errors="replace")
             rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
-            topics = {k: (name, _type(t)) for k, name, t, form in rows if form == "cdr"}
+            topics = {k: (str(name), _type(str(t))) for k, name, t, form in rows if form == "cdr"}
             kept = {k: topic for k, topic in topics.items() if wanted(topic[0])}
-            asked = f"SELECT topic_id, timestamp, data FROM messages WHERE topic_id IN {_in(kept)}"
-            for number, received_ns, data in database.execute(f"{asked} ORDER BY id"):
-                yield Message(*kept[number], False, received_ns, _message(data))
-    except sqlite3.Error as error:
+            asked = "topic_id, CAST(timestamp AS INTEGER), CAST(data AS BLOB)"
+            where = f"FROM messages WHERE topic_id IN {_in(kept)} ORDER BY id"
+            for number, received_ns, data in database.execute(f"SELECT {asked} {where}"):
+                yield Message(*kept[number], False, received_ns or 0, _message(data or b""))
+    except (sqlite3.Error, UnicodeDecodeError) as error:
         raise Damage(f"the database is broken there ({error})") from error
 
 

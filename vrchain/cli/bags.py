@@ -66,8 +66,8 @@ def info(
         print(json.dumps({"topics": topics, "robots": robots, "notes": said}))
         return
     for row in topics:
-        rate = f"{row['rate_hz']:.1f} Hz, longest gap {row['longest_gap_s']:.1f} s"
-        print(f"{row['messages']:7} {row['topic']}  {row['type']}  {rate * ('rate_hz' in row)}")
+        rate = "  {rate_hz:.1f} Hz, longest gap {longest_gap_s:.1f} s" if "rate_hz" in row else ""
+        print(f"{row['messages']:7} {row['topic']}  {row['type']}" + rate.format(**row))
     for line in said:
         print(line)
     for name, row in robots.items():
