@@ -8,10 +8,6 @@ from typing import Any
 
 from sights import RIG, look
 
-from vrchain.bags.export import BagWriter
-from vrchain.bags.messages import TF
-from vrchain.bags.publishing import Played, publish_bags
-from vrchain.bags.telling import Messages, RobotTopics
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord
@@ -19,6 +15,10 @@ from vrchain.landmarks.extraction.sift import NO_FEATURES
 from vrchain.ledger import simulated_key
 from vrchain.panorama import Codec
 from vrchain.robot import Observation
+from vrchain.ros.export import BagWriter
+from vrchain.ros.messages import TF
+from vrchain.ros.publishing import Played, publish_bags
+from vrchain.ros.telling import Messages, RobotTopics
 from vrchain.simulation.team import team_ledger
 
 START_NS = 1_700_000_000_000_000_000

@@ -34,7 +34,7 @@ LEVELS = {
     "simulation": 6,
     "experiments": 7,
     "plots": 7,
-    "bags": 7,
+    "ros": 7,
     "viewer": 8,
     "cli": 8,
     "workbench": 8,

@@ -14,7 +14,7 @@ import typer
 
 from vrchain import __version__
 from vrchain.allocator import keep_freed_memory
-from vrchain.cli import bags, bench, evaluate, ledger, panorama, research, robots, scene
+from vrchain.cli import bags, bench, evaluate, ledger, panorama, research, robot, robots, scene
 from vrchain.errors import UnsupportedWarning, VRChainError
 
 app = typer.Typer(
@@ -27,6 +27,7 @@ app.add_typer(scene.app, name="scene")
 app.add_typer(panorama.app, name="panorama")
 app.add_typer(ledger.app, name="ledger")
 app.add_typer(bags.app, name="bag")
+app.add_typer(robot.app, name="robot")
 app.add_typer(bench.app, name="bench")
 app.add_typer(evaluate.app, name="evaluate")
 app.command()(robots.landmarks)

@@ -43,8 +43,8 @@ def info(
     as_json: Json = False,
 ) -> None:
     """What bags hold, and what would be used of it; robots are guessed if none is told."""
-    from vrchain.bags.contents import contents_of, gaps_of
-    from vrchain.bags.robots import load_rig, robot_in, robots_in
+    from vrchain.ros.contents import contents_of, gaps_of
+    from vrchain.ros.robots import load_rig, robot_in, robots_in
 
     said: list[str] = []
     with doing("reading " + ", ".join(map(str, bags))):
@@ -54,7 +54,7 @@ def info(
         for t in sorted(contents.topics.values(), key=lambda t: t.name)
     ]
     robots: dict[str, Any] = {}
-    for name, namespace in (_told(robot) or robots_in(contents)).items():
+    for name, namespace in (robots_told(robot) or robots_in(contents)).items():
         lines: list[str] = []
         try:
             found = robot_in(contents, name, namespace, told, slop, lines.append)
@@ -93,13 +93,13 @@ def publish(
 
     Broken off, the same command goes on.
     """
-    from vrchain.bags.publishing import publish_bags
     from vrchain.ledger import Ledger
+    from vrchain.ros.publishing import publish_bags
 
     *bags, folder = arguments
     if not bags:
         raise BagError(f"expected BAG... LEDGER, got {folder} alone: name the ledger last")
-    robots = _told(robot)
+    robots = robots_told(robot)
     if not robots:
         raise BagError("expected --robot NAME=/NAMESPACE, got none: `vrchain bag info` tells some")
     examine = None
@@ -160,8 +160,8 @@ def export(
     as_json: Json = False,
 ) -> None:
     """Write a simulated patrol as a ROS bag, its trajectories, and the ledger that it filled."""
-    from vrchain.bags.export import export_patrol
-    from vrchain.bags.storage import files_of
+    from vrchain.ros.export import export_patrol
+    from vrchain.ros.storage import files_of
     from vrchain.simulation.team import team_ledger
     from vrchain.world import load_scene
 
@@ -190,12 +190,13 @@ def export(
 
 
 def _files(bag: Path) -> list[Path]:
-    from vrchain.bags.storage import files_of
+    from vrchain.ros.storage import files_of
 
     return files_of(bag)
 
 
-def _told(robots: list[str] | None) -> dict[str, str]:
+def robots_told(robots: list[str] | None) -> dict[str, str]:
+    """Names and namespaces as options give them. BagError."""
     found: dict[str, str] = {}
     for told in robots or []:
         name, equals, namespace = told.partition("=")

@@ -160,7 +160,7 @@ def _ros1_records(
         if kind == b"\x07":
             type_ = _ros1_fields(data).get(b"type", b"").decode(errors="replace")
             topic = fields.get(b"topic", b"").decode(errors="replace")
-            connections[fields.get(b"conn", b"")] = topic, _type(type_)
+            connections[fields.get(b"conn", b"")] = topic, type_named(type_)
         elif kind == b"\x02":
             known = connections.get(fields.get(b"conn", b""))
             if known is not None and wanted(known[0]):
@@ -201,8 +201,8 @@ def _lz4(packed: bytes, size: int) -> bytes:
     return LZ4FrameDecompressor().decompress(packed, size)
 
 
-def _type(name: str) -> str:
-    """ROS 1 says ``sensor_msgs/Image`` and ``tf/tfMessage``."""
+def type_named(name: str) -> str:
+    """The name that ROS 2 has for a type; ROS 1 says ``sensor_msgs/Image`` and ``tf/tfMessage``."""
     package, *_, last = name.split("/") if "/" in name else ("", name)
     return "tf2_msgs/msg/TFMessage" if last == "tfMessage" else f"{package}/msg/{last}"
 
@@ -221,7 +221,7 @@ def _mcap_messages(file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterator[Mess
 
     def taken_in(record: Any) -> Message | None:
         if isinstance(record, Schema):
-            schemas[record.id] = _type(record.name)
+            schemas[record.id] = type_named(record.name)
         elif isinstance(record, Channel) and record.id not in channels:
             ros1 = _READ.get(record.message_encoding)
             if ros1 is None and wanted(record.topic):
@@ -303,7 +303,9 @@ def _sqlite_messages(path: Path, wanted: Wanted) -> Iterator[Message]:
             database.execute("PRAGMA writable_schema = ON")  # else one that was cut is refused
             database.text_factory = lambda text: text.decode(errors="replace")
             rows = database.execute("SELECT id, name, type, serialization_format FROM topics")
-            topics = {k: (str(name), _type(str(t))) for k, name, t, form in rows if form == "cdr"}
+            topics = {
+                k: (str(name), type_named(str(t))) for k, name, t, form in rows if form == "cdr"
+            }
             kept = {k: topic for k, topic in topics.items() if wanted(topic[0])}
             asked = "topic_id, CAST(timestamp AS INTEGER), CAST(data AS BLOB)"
             where = f"FROM messages WHERE topic_id IN {_in(kept)} ORDER BY id"

@@ -10,10 +10,6 @@ from pathlib import Path
 
 import numpy as np
 
-from vrchain.bags.contents import contents_of
-from vrchain.bags.messages import is_jpeg, opened, rgb_of
-from vrchain.bags.robots import Moment, Recorded, load_rig, robot_in
-from vrchain.bags.storage import Message, messages
 from vrchain.errors import BagError, ImageError
 from vrchain.geometry import Pose
 from vrchain.ledger import Ledger, SigningKey
@@ -21,6 +17,10 @@ from vrchain.panorama import Panorama
 from vrchain.panorama.panorama import pack
 from vrchain.publisher import LOOK_EVERY_M, Examine, Publication, Publisher, look_due
 from vrchain.robot import Observation, UpdateRules
+from vrchain.ros.contents import contents_of
+from vrchain.ros.messages import is_jpeg, opened, rgb_of
+from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
+from vrchain.ros.storage import Message, messages
 
 SLOP_S = 0.05
 

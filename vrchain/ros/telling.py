@@ -6,11 +6,11 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from vrchain.bags.cameras import pose_from_rig
-from vrchain.bags.messages import COMPRESSED, IMAGE, INFO, ODOMETRY, SCAN, TF, typestore
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig, Codec
 from vrchain.robot import Observation
+from vrchain.ros.cameras import pose_from_rig
+from vrchain.ros.messages import COMPRESSED, IMAGE, INFO, ODOMETRY, SCAN, TF, typestore
 from vrchain.simulation.sensors import RANGE_MAX_M
 
 
@@ -158,11 +158,25 @@ class RobotTopics:
 
     def shown(self, seen: Observation) -> list[tuple[str, Any]]:
         """Topics and messages of its cameras, if it looked."""
-        found = []
-        for k, view in enumerate([] if seen.panorama is None else seen.panorama.views):
-            camera, frame = f"/{self.name}/camera_{k}", self._camera(k)
-            info = self.make.camera_info(seen.time_ns, frame, self.rig)
-            ending = "" if self.codec is None else "/compressed"
-            image = self.make.image(seen.time_ns, frame, view, self.codec)
-            found += [(f"{camera}/camera_info", info), (f"{camera}/image_raw{ending}", image)]
-        return found
+        if seen.panorama is None:
+            return []
+        ending = "" if self.codec is None else "/compressed"
+        images = [
+            (f"/{self.name}/camera_{k}/image_raw{ending}", self.image(seen.time_ns, k, view))
+            for k, view in enumerate(seen.panorama.views)
+        ]
+        return [*self.informed(seen.time_ns), *images]
+
+    def informed(self, time_ns: int) -> list[tuple[str, Any]]:
+        """Topics and messages of its cameras' calibration."""
+        return [
+            (
+                f"/{self.name}/camera_{k}/camera_info",
+                self.make.camera_info(time_ns, self._camera(k), self.rig),
+            )
+            for k in range(self.rig.n_views)
+        ]
+
+    def image(self, time_ns: int, camera: int, view: np.ndarray) -> Any:
+        """What one camera shows."""
+        return self.make.image(time_ns, self._camera(camera), view, self.codec)

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from sights import look
 
-from vrchain.bags.messages import is_jpeg, rgb_of
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose
+from vrchain.ros.messages import is_jpeg, rgb_of
 
 PICTURE = cv2.GaussianBlur(look(Pose(0, 0)).views[0], (0, 0), 2).astype(np.uint8)
 HEIGHT, WIDTH, _ = PICTURE.shape

@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
-from vrchain.bags.cameras import Camera, Ring, camera_from_rig, camera_of, pose_from_rig, ring_of
-from vrchain.bags.contents import Contents, Times, Topic, clocked
-from vrchain.bags.messages import COMPRESSED, IMAGE, INFO, ODOMETRY
 from vrchain.errors import BagError
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
+from vrchain.ros.cameras import Camera, Ring, camera_from_rig, camera_of, pose_from_rig, ring_of
+from vrchain.ros.contents import Contents, Times, Topic, clocked
+from vrchain.ros.messages import COMPRESSED, IMAGE, INFO, ODOMETRY
 
 _JUMP_M, _JUMP_M_S = 1.0, 3.0  # farther than that, nobody drove: odometry was set anew
 _JUMP_RAD, _JUMP_RAD_S = 1.0, 6.0
@@ -61,13 +61,17 @@ class Moment:
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """A robot in bags. topics, labels: of each camera, in the order of ``ring.cameras``."""
+    """A robot in bags. topics, labels: of each camera, in the order of ``ring.cameras``. odometry:
+    its topic; base: the robot's own frame.
+    """
 
     name: str
     way: Way
     ring: Ring
     topics: tuple[str, ...]
     labels: tuple[str | None, ...]
+    odometry: str
+    base: str
     moments: tuple[Moment, ...]
 
     def summary(self) -> dict[str, Any]:
@@ -135,7 +139,8 @@ def robot_in(
     order = tuple(camera.topic for camera in ring.cameras)
     times = [_shared_clock(own[topic], offset_ns, tell) for topic in order]
     moments = _moments(name, order, times, round(slop_s * 1e9), tell)
-    return Recorded(name, way, ring, order, tuple(labels[t] for t in order), moments)
+    shown = tuple(labels[topic] for topic in order)
+    return Recorded(name, way, ring, order, shown, odometry.name, base, moments)
 
 
 def robots_in(contents: Contents) -> dict[str, str]:
@@ -176,10 +181,9 @@ def _way(topic: Topic, tell: Tell) -> tuple[Way, int]:
     times, poses = times[good], poses[good]
     later = np.concatenate([[True], times[1:] > np.maximum.accumulate(times)[:-1]])
     times, poses = times[later], poses[later].copy()
-    seconds = np.diff(times) / 1e9
-    far = np.hypot(*np.diff(poses[:, :2], axis=0).T) > _JUMP_M + _JUMP_M_S * seconds
-    turned = np.abs(wrap_angle_rad(np.diff(poses[:, 2])))
-    jumps = 1 + np.flatnonzero(far | (turned > _JUMP_RAD + _JUMP_RAD_S * seconds))
+    steps = np.diff(poses, axis=0)
+    far = is_jump(np.hypot(steps[:, 0], steps[:, 1]), steps[:, 2], np.diff(times) / 1e9)
+    jumps = 1 + np.flatnonzero(far)
     for k in jumps:  # go on from where it was
         there, new = Pose(*poses[k - 1]), Pose(*poses[k])
         for row in poses[k:]:
@@ -188,6 +192,13 @@ def _way(topic: Topic, tell: Tell) -> tuple[Way, int]:
     if len(jumps):
         tell(f"{topic.name}: set anew {len(jumps)} times: no way is told across that")
     return Way(times, poses, tuple(int(t) for t in times[jumps])), offset_ns
+
+
+def is_jump(way_m: ArrayLike, turn_rad: ArrayLike, seconds: ArrayLike) -> NDArray[np.bool_]:
+    """Whether nobody drives so far, or turns so much, in this time."""
+    far = np.asarray(way_m) > _JUMP_M + _JUMP_M_S * np.asarray(seconds)
+    turned = np.abs(wrap_angle_rad(turn_rad)) > _JUMP_RAD + _JUMP_RAD_S * np.asarray(seconds)
+    return np.asarray(far | turned)
 
 
 def _camera_topics(

@@ -9,9 +9,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.bags.messages import COMPRESSED, IMAGE, INFO, ODOMETRY, TF, opened, rgb_of, stamp_ns
-from vrchain.bags.storage import Message, messages
 from vrchain.errors import BagError, ImageError
+from vrchain.ros.messages import (
+    COMPRESSED,
+    IMAGE,
+    INFO,
+    ODOMETRY,
+    SCAN,
+    TF,
+    opened,
+    rgb_of,
+    stamp_ns,
+)
+from vrchain.ros.storage import Message, messages
 
 Times = NDArray[np.int64]
 
@@ -80,7 +90,7 @@ def contents_of(
         topic = found.topics.setdefault(message.topic, Topic(message.topic, message.type))
         topic.count += 1
         try:
-            _keep(found, topic, message)
+            keep(found, topic, message)
         except BagError:
             topic.broken += 1
     for topic in found.topics.values():
@@ -91,7 +101,8 @@ def contents_of(
     return found
 
 
-def _keep(found: Contents, topic: Topic, message: Message) -> None:
+def keep(found: Contents, topic: Topic, message: Message) -> None:
+    """Keep of one message what is needed later. BagError if it is broken."""
     if message.type == TF:
         for told in opened(message).transforms:
             child = told.child_frame_id.lstrip("/")
@@ -102,6 +113,8 @@ def _keep(found: Contents, topic: Topic, message: Message) -> None:
         info = opened(message)
         if topic.first is None or not any(focal_lengths(topic.first)):
             topic.first = info
+    elif message.type == SCAN:
+        topic.first = topic.first or opened(message)
     elif message.type == ODOMETRY:
         topic.first = odometry = opened(message)
         position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation

@@ -15,8 +15,8 @@ pytest.importorskip("mcap")
 from recordings import published, recording, write
 from worlds import ROOT
 
-from vrchain.bags.storage import messages
 from vrchain.errors import BagError
+from vrchain.ros.storage import messages
 
 FORMS = ("mcap", "sqlite3", "ros1")
 
@@ -157,7 +157,7 @@ def test_any_byte_may_be_another(form: str, tmp_path: Path) -> None:
     """Whatever is read of damaged bytes, it ends in a line, not in a traceback."""
     import numpy as np
 
-    from vrchain.bags.contents import contents_of
+    from vrchain.ros.contents import contents_of
     from vrchain.seeding import generator
 
     rows = [row for row in recording(form == "ros1") if "camera" not in row.topic]

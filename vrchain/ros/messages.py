@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.bags.storage import Message
 from vrchain.errors import BagError, ImageError
+from vrchain.ros.storage import Message
 
 ODOMETRY = "nav_msgs/msg/Odometry"
 INFO = "sensor_msgs/msg/CameraInfo"

@@ -8,8 +8,6 @@ from typing import Any, Self
 
 import numpy as np
 
-from vrchain.bags.messages import TF, typestore
-from vrchain.bags.telling import Messages, RobotTopics
 from vrchain.errors import BagError
 from vrchain.extras import require
 from vrchain.geometry import Pose
@@ -17,6 +15,8 @@ from vrchain.ledger import Ledger
 from vrchain.panorama import CameraRig, Codec
 from vrchain.publisher import LOOK_EVERY_M, Examine
 from vrchain.robot import Observation, UpdateRules
+from vrchain.ros.messages import TF, typestore
+from vrchain.ros.telling import Messages, RobotTopics
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.survey import start_poses

@@ -11,15 +11,15 @@ from sights import RIG
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 
-from vrchain.bags.export import Exported, export_patrol
-from vrchain.bags.publishing import publish_bags
-from vrchain.bags.storage import messages
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
 from vrchain.landmarks.extraction.sift import extract
 from vrchain.ledger import Ledger, simulated_key, verify
 from vrchain.panorama import Panorama
 from vrchain.robot import Observation
+from vrchain.ros.export import Exported, export_patrol
+from vrchain.ros.publishing import publish_bags
+from vrchain.ros.storage import messages
 from vrchain.simulation.team import team_ledger
 
 NAMES = ("R1", "R2")

@@ -10,9 +10,9 @@ pytest.importorskip("rosbags")
 
 from sights import RIG
 
-from vrchain.bags.cameras import Camera, pose_from_rig, ring_of
 from vrchain.errors import BagError
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.ros.cameras import Camera, pose_from_rig, ring_of
 
 FOCAL = RIG.focal_px
 BENT = (-0.12, 0.04, 0.001, -0.002, -0.004)
