@@ -66,6 +66,9 @@ HOMES = {
     "OpenGL": ("world.render",),
     "open3d": ("world.truth",),
     "torch": ("landmarks",),
+    "rosbags": ("ros",),
+    "mcap": ("ros",),
+    "rospy": ("ros",),
 }
 
 MOST_MODULES = 16  # in a folder

@@ -28,7 +28,7 @@ _KEEP_HEADING = 0.25  # weight of going straight ahead against going where desir
 _CAME_M = 0.1  # into what was free: five standard deviations of a reading
 _ABEAM_RAD = float(np.radians(100.0))  # what comes from farther behind minds the robot
 _HEADING_STEPS = 72
-UNSEEN_M = 0.45  # of a range ring where no sensor looks: not free, and nothing that was met
+UNSEEN_M = 0.0  # of a range ring where no sensor looks: not free, and nothing that was met
 _NEW_M = 15.0  # so far ahead a wandering robot minds where it has been
 
 Rule = Literal["start", "distance", "view", "time"]
@@ -127,15 +127,17 @@ def free_distances_m(
     """How far a disc of ``radius_m`` could go straight along each bearing, (n,) float.
 
     Every reading counts as a thing, those at the sensor's reach too. A thing that is already inside
-    the disc stops only what leads towards it.
+    the disc stops only what leads towards it. Where no sensor looks, nothing is free.
     """
     ring = np.asarray(range_ring_m, dtype=float)
-    beams = beams_rad(len(ring))
-    angle = beams[None, :] - np.atleast_1d(np.asarray(bearings_rad, dtype=float))[:, None]
+    beams, bearings = beams_rad(len(ring)), np.atleast_1d(np.asarray(bearings_rad, dtype=float))
+    angle = beams[None, :] - bearings[:, None]
     forward, lateral = ring * np.cos(angle), ring * np.sin(angle)
     in_the_way = (np.abs(lateral) < radius_m) & (forward > 0)
     until = forward - np.sqrt(np.maximum(radius_m**2 - lateral**2, 0.0))
     reach = np.where(in_the_way, until, np.inf).min(axis=1)
+    nearest = np.round(bearings / (2 * np.pi / len(ring))).astype(int) % len(ring)
+    reach = np.where(ring[nearest] == UNSEEN_M, 0.0, reach)
     return np.clip(reach, 0.0, ring.max())
 
 

@@ -38,14 +38,14 @@ from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 TWIST = "geometry_msgs/msg/Twist"
 _KEPT = 300  # poses of odometry
 _SAID_EVERY_S = 0.1  # a command, while it is driven
-_PATIENCE_S = 20.0  # for what a robot is to say
+PATIENCE_S = 20.0  # for what a robot is to say
 
 
 class LiveRobot:
     """A robot's senses and wheels (``Body``).
 
     robot: whose name it has; namespace: its topics begin with it. BagError says what of it is
-    missing, after 20 s of listening. jumped: is called when its odometry was set anew.
+    missing, after ``patience_s`` of listening. jumped: is called when its odometry was set anew.
     """
 
     def __init__(
@@ -56,9 +56,10 @@ class LiveRobot:
         rig: Mapping[str, Any],
         slop_s: float,
         jumped: Callable[[], None] = lambda: None,
+        patience_s: float = PATIENCE_S,
     ) -> None:
         self._ros, self._name, self._slop_ns = ros, name, round(slop_s * 1e9)
-        self.jumped = jumped
+        self.jumped, self._patience_s = jumped, patience_s
         self._prefix = namespace.rstrip("/") + "/"
         self._changed = Condition()
         self._poses: deque[tuple[int, Pose]] = deque(maxlen=_KEPT)
@@ -84,7 +85,8 @@ class LiveRobot:
                 keep(contents, topic, message)
 
         ends: dict[str, Callable[[], None]] = {}
-        until_s, lacks = time.monotonic() + _PATIENCE_S, ""
+        until_s = time.monotonic() + self._patience_s
+        lacks = f"{self._name}: nothing is published below {self._prefix}"
         try:
             while time.monotonic() < until_s:
                 for topic, kind in self._ros.topics().items():
@@ -95,6 +97,8 @@ class LiveRobot:
                         ends[topic] = self._ros.subscribe(topic, take)
                 time.sleep(0.5)
                 with self._changed:
+                    if not any(topic.startswith(self._prefix) for topic in contents.topics):
+                        continue
                     try:
                         found = robot_in(
                             contents, self._name, self._prefix, rig, max(slop_s, 3600.0)
@@ -107,7 +111,7 @@ class LiveRobot:
                     except BagError as error:
                         lacks = str(error)
             else:
-                raise BagError(f"{lacks} (listened for {_PATIENCE_S:g} s)")
+                raise BagError(f"{lacks} (listened for {self._patience_s:g} s)")
         finally:
             for end in ends.values():
                 end()
@@ -227,10 +231,10 @@ class LiveRobot:
 
     def _await(self, ready: Callable[[], bool], what: str) -> None:
         """Wait, the lock held, for a message to make it so."""
-        if not self._changed.wait_for(ready, _PATIENCE_S):
+        if not self._changed.wait_for(ready, self._patience_s):
             raise MissionError(
                 f"{self._name}: expected {what} below {self._prefix}, nothing came for "
-                f"{_PATIENCE_S:g} s: is the robot on, and its clock that of its odometry?"
+                f"{self._patience_s:g} s: is the robot on, and its clock that of its odometry?"
             )
 
     def drive(self, command: Drive, duration_s: float) -> None:
@@ -238,7 +242,7 @@ class LiveRobot:
         with self._changed:
             self._await(lambda: bool(self._poses), "odometry")
             until_ns = self._poses[-1][0] + round(duration_s * 1e9)
-        patience_s = time.monotonic() + _PATIENCE_S
+        patience_s = time.monotonic() + self._patience_s
         while True:
             self._say(command)
             with self._changed:
@@ -248,7 +252,9 @@ class LiveRobot:
                     return
             if time.monotonic() > patience_s:
                 self._say(STOP)
-                raise MissionError(f"{self._name}: its odometry stands still for {_PATIENCE_S:g} s")
+                raise MissionError(
+                    f"{self._name}: its odometry stands still for {self._patience_s:g} s"
+                )
 
     def _say(self, command: Drive) -> None:
         make, zero = self._make, {"x": 0.0, "y": 0.0, "z": 0.0}
@@ -270,11 +276,13 @@ def ring_of(scan: Any, laser: NDArray[np.float64]) -> NDArray[np.float64]:
     ranges = np.asarray(scan.ranges, float)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
     good = ~np.isnan(ranges) & (ranges >= scan.range_min)
-    reach_m = min(float(scan.range_max), RANGE_MAX_M)
-    ranges, angles = ranges[good].clip(max=reach_m), angles[good]
+    ranges, angles = ranges[good], angles[good]
+    echo = ranges < scan.range_max
+    ranges = np.where(echo, ranges, RANGE_MAX_M)
     flat = np.stack([ranges * np.cos(angles), ranges * np.sin(angles), 0 * ranges, 0 * ranges + 1])
     x_m, y_m = (laser @ flat)[:2]
     beam = np.round(np.arctan2(y_m, x_m) / (2 * np.pi / N_BEAMS)).astype(int) % N_BEAMS
     ring = np.full(N_BEAMS, np.inf)
-    np.minimum.at(ring, beam, np.minimum(np.hypot(x_m, y_m), RANGE_MAX_M))
+    away_m = np.where(echo, np.hypot(x_m, y_m), RANGE_MAX_M)
+    np.minimum.at(ring, beam, np.minimum(away_m, RANGE_MAX_M))
     return np.where(np.isinf(ring), UNSEEN_M, ring)
