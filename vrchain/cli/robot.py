@@ -3,6 +3,7 @@
 import json
 import math
 import time
+from contextlib import ExitStack, closing
 from dataclasses import asdict
 from pathlib import Path
 from typing import Annotated, Any
@@ -12,7 +13,7 @@ import typer
 from vrchain.cli.bags import Rig, Slop, robots_told
 from vrchain.cli.ledger_keys import key_of
 from vrchain.cli.options import Folder, Json, Spec, doing
-from vrchain.errors import BagError, MissionError
+from vrchain.errors import BagError
 from vrchain.files import check_output_folder, output_folder
 
 _PLAYED = "played.json"
@@ -68,12 +69,13 @@ def run(
         key = (
             simulated_key(simulated, name) if simulated is not None else key_of(opened, keys, name)
         )
-        node = Ros1(f"vrchain_{name}")
         publisher = Publisher(name, opened, key, examine=perception.record)
-        with doing(f"listening to {namespace}"):
-            live = LiveRobot(node, name, namespace, told, slop, publisher.lost_track)
-        body = PublishingBody[LiveRobot, Publication](live, publisher, lambda p: p)
-        try:
+        with ExitStack() as stack:
+            node = stack.enter_context(closing(Ros1(f"vrchain_{name}")))
+            with doing(f"listening to {namespace}"):
+                live = LiveRobot(node, name, namespace, told, slop, publisher.lost_track)
+            stack.enter_context(closing(live))
+            body = PublishingBody[LiveRobot, Publication](live, publisher, lambda p: p)
             summary: dict[str, Any] = {"robot": name}
             if pictures:
                 newest, index = published_of(opened, name), index_of(opened, perception)
@@ -87,9 +89,6 @@ def run(
                 summary |= {"arrived": result.arrived, "reason": result.reason}
             else:
                 _patrol(body, seconds, seed)
-        finally:
-            live.close()
-            node.close()
         summary |= {"published": [asdict(p) for p in body.publications]}
         summary |= {"height": opened.head.height, "head": opened.head.hash.hex()}
     if as_json:
@@ -134,33 +133,28 @@ def play(
     from vrchain.world import load_scene
 
     check_output_folder(output, _PLAYED)
-    node, perception, rig = Ros1(f"play_{robot}"), learned_perception(), CameraRig()
-    with doing(f"building {spec}"):
-        scene = load_scene(spec)
-    simulator, task, pictures = set_out(scene, seed, robots, robot, goal, rig)
-    if robot not in simulator.robots:
-        raise MissionError(f"expected --robot of {', '.join(simulator.robots)}, got {robot!r}")
-    with output_folder(output, _PLAYED) as folder:
-        with team_ledger(folder / "ledger", task.starts, seed) as ledger:
-            team = assemble(simulator, ledger, seed, examine=perception.record)
-            drive_to_places(simulator, team, task)
-        names = [f"goal_{k}" for k in range(len(pictures))]
-        for name, picture in zip(names, pictures, strict=True):
-            (folder / name).mkdir()
-            picture.save(folder / name)
-        told = {"robot": robot, "goal": task.goal, "seed": seed, "pictures": names}
-        (folder / _PLAYED).write_text(json.dumps(told, indent=2) + "\n")
-    goals = " ".join(f"--goal {output / name}" for name in names)
-    print(
-        f"playing {robot}; drive it by: vrchain robot run --ros --robot {robot}=/{robot} "
-        f"--ledger {output / 'ledger'} --simulated {seed} {goals}",
-        flush=True,
-    )
-    rests = _Rests(time.monotonic() + seconds)
-    try:
-        PlayedRobot(node, simulator, robot).run(rests)
-    finally:
-        node.close()
+    perception, rig = learned_perception(), CameraRig()
+    with closing(Ros1(f"play_{robot}")) as node:
+        with doing(f"building {spec}"):
+            scene = load_scene(spec)
+        simulator, task, pictures = set_out(scene, seed, robots, robot, goal, rig)
+        with output_folder(output, _PLAYED) as folder:
+            with team_ledger(folder / "ledger", task.starts, seed) as ledger:
+                team = assemble(simulator, ledger, seed, examine=perception.record)
+                drive_to_places(simulator, team, task)
+            names = [f"goal_{k}" for k in range(len(pictures))]
+            for name, picture in zip(names, pictures, strict=True):
+                (folder / name).mkdir()
+                picture.save(folder / name)
+            told = {"robot": robot, "goal": task.goal, "seed": seed, "pictures": names}
+            (folder / _PLAYED).write_text(json.dumps(told, indent=2) + "\n")
+        goals = " ".join(f"--goal {output / name}" for name in names)
+        print(
+            f"playing {robot}; drive it by: vrchain robot run --ros --robot {robot}=/{robot} "
+            f"--ledger {output / 'ledger'} --simulated {seed} {goals}",
+            flush=True,
+        )
+        PlayedRobot(node, simulator, robot).run(_Rests(time.monotonic() + seconds))
     pose = simulator.pose(robot)
     there, range_m = is_at(scene, simulator.truth, task.goal, pose, rig)
     place = f"{pose.x_m:.1f}, {pose.y_m:.1f} m, {math.degrees(pose.yaw_rad):.0f} degrees"
