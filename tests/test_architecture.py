@@ -29,10 +29,12 @@ LEVELS = {
     "landmarks": 3,
     "homing": 4,
     "robot": 4,
+    "publisher": 5,
     "navigation": 5,
     "simulation": 6,
     "experiments": 7,
     "plots": 7,
+    "ros": 7,
     "viewer": 8,
     "cli": 8,
     "workbench": 8,
@@ -64,6 +66,9 @@ HOMES = {
     "OpenGL": ("world.render",),
     "open3d": ("world.truth",),
     "torch": ("landmarks",),
+    "rosbags": ("ros",),
+    "mcap": ("ros",),
+    "rospy": ("ros",),
 }
 
 MOST_MODULES = 16  # in a folder

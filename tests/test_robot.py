@@ -12,6 +12,7 @@ from vrchain.panorama import Panorama
 from vrchain.robot import (
     MAX_SPEED_M_S,
     MAX_TURN_RAD_S,
+    UNSEEN_M,
     Drive,
     Observation,
     UpdateMonitor,
@@ -265,6 +266,8 @@ def test_who_comes_nearer_is_noticed_and_who_goes_or_stands_is_not(bearing_deg: 
     simulator = Simulator(worlds.world(), start, seed=0)
     before = simulator.observe("R1")
     assert newcomer_m(before, before) == np.inf
+    blind = dataclasses.replace(before, range_ring_m=np.full(len(before.range_ring_m), UNSEEN_M))
+    assert newcomer_m(before, blind) == np.inf  # no sensor looks, nothing came
     simulator.step({"R2": Drive(0.6)}, 0.3)
     now = simulator.observe("R1")
     assert newcomer_m(before, now) == pytest.approx(1.6 - 0.18 - ROBOT_RADIUS_M, abs=0.08)

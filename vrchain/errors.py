@@ -45,5 +45,9 @@ class MissionError(VRChainError):
     """A mission cannot be set up: no such robot or goal, or no place for the team."""
 
 
+class BagError(VRChainError):
+    """A bag cannot be read, or a robot in it lacks what a panorama needs."""
+
+
 class LedgerError(VRChainError):
     """Base of the ledger's own errors."""

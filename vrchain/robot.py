@@ -28,6 +28,7 @@ _KEEP_HEADING = 0.25  # weight of going straight ahead against going where desir
 _CAME_M = 0.1  # into what was free: five standard deviations of a reading
 _ABEAM_RAD = float(np.radians(100.0))  # what comes from farther behind minds the robot
 _HEADING_STEPS = 72
+UNSEEN_M = 0.0  # of a range ring where no sensor looks: not free, and nothing that was met
 _NEW_M = 15.0  # so far ahead a wandering robot minds where it has been
 
 Rule = Literal["start", "distance", "view", "time"]
@@ -39,7 +40,8 @@ class Observation:
 
     odometry: its own estimate of its pose, in the frame in which it started at (0, 0, 0).
     range_ring_m: (n_beams,) float; beam i points along bearing 2 * pi * i / n_beams; readings end
-    at the sensor's reach. bumped: the last motion ended in a contact. panorama: if it looked.
+    at the sensor's reach, and are ``UNSEEN_M`` where none looks. bumped: the last motion ended in a
+    contact. panorama: if it looked.
     view_rad: the bearing that the panorama's camera looks along, if it is a single camera's view.
     """
 
@@ -125,15 +127,17 @@ def free_distances_m(
     """How far a disc of ``radius_m`` could go straight along each bearing, (n,) float.
 
     Every reading counts as a thing, those at the sensor's reach too. A thing that is already inside
-    the disc stops only what leads towards it.
+    the disc stops only what leads towards it. Where no sensor looks, nothing is free.
     """
     ring = np.asarray(range_ring_m, dtype=float)
-    beams = beams_rad(len(ring))
-    angle = beams[None, :] - np.atleast_1d(np.asarray(bearings_rad, dtype=float))[:, None]
+    beams, bearings = beams_rad(len(ring)), np.atleast_1d(np.asarray(bearings_rad, dtype=float))
+    angle = beams[None, :] - bearings[:, None]
     forward, lateral = ring * np.cos(angle), ring * np.sin(angle)
     in_the_way = (np.abs(lateral) < radius_m) & (forward > 0)
     until = forward - np.sqrt(np.maximum(radius_m**2 - lateral**2, 0.0))
     reach = np.where(in_the_way, until, np.inf).min(axis=1)
+    nearest = np.round(bearings / (2 * np.pi / len(ring))).astype(int) % len(ring)
+    reach = np.where(ring[nearest] == UNSEEN_M, 0.0, reach)
     return np.clip(reach, 0.0, ring.max())
 
 
@@ -172,7 +176,7 @@ def newcomer_m(before: Observation, now: Observation) -> float:
     beside = np.floor(np.arctan2(y_m, x_m) / apart).astype(int) % len(earlier)
     free_m = np.minimum(earlier[beside], earlier[(beside + 1) % len(earlier)])
     came = np.hypot(x_m, y_m) < free_m - _CAME_M
-    came &= np.abs(wrap_angle_rad(beams)) < _ABEAM_RAD
+    came &= (np.abs(wrap_angle_rad(beams)) < _ABEAM_RAD) & (ring != UNSEEN_M)
     return float(ring[came].min(initial=np.inf))
 
 

@@ -25,7 +25,7 @@ def patrolled(folder: Path, seconds: float = 90.0) -> tuple[Simulator, Ledger]:
     robots = assemble(simulator, ledger, 1)
     patrol = Patrol(simulator, {name: robots[name] for name in ("R2", "R3")}, 1)
     patrol.drive(seconds)
-    robots["R1"].others = patrol.drives
+    robots["R1"].body.others = patrol.drives
     robots["R1"].drive(STOP, 0.3)  # they move on as it does, for its time is theirs
     return simulator, ledger
 

@@ -42,18 +42,18 @@ def test_a_robot_publishes_by_the_rules(tmp_path: Path) -> None:
             robot.drive(Drive(0.5), 1.0)
             robot.observe(look=True)
         assert [p.rule for p in robot.publications] == ["start", "distance"]
-        robot.simulator.step({}, 20.0)
+        robot.body.simulator.step({}, 20.0)
         robot.observe(look=True)
         assert [p.rule for p in robot.publications][2] == "time"
         newest, told = ledger.latest("R1"), robot.publications[-1]
         assert newest.reason == "time" and newest.payload_digest.hex() == told.digest
-        assert newest.timestamp_ns == robot.simulator.clock_ns
+        assert newest.timestamp_ns == robot.body.simulator.clock_ns
         times = [p.time_s for p in robot.publications]
         assert times == sorted(times)
         blob = ledger.payload(newest.payload_digest)
         assert Panorama.decode(blob).rig == worlds.SMALL_RIG
         assert told.payload_bytes == len(blob)
-        assert told.x_m == robot.simulator.pose("R1").x_m
+        assert told.x_m == robot.body.simulator.pose("R1").x_m
     assert verify(tmp_path / "ledger").ok
 
 
@@ -107,8 +107,8 @@ def test_watching_looks_only_now_and_then(tmp_path: Path) -> None:
             robot.drive(Drive(0.45), 1.0)
             looks.append(robot.watch().panorama is not None)
         assert looks[0] and sum(looks) == 2  # at the start, and after 2.5 m
-        assert robot.monitor.travelled_m < 5
-        robot.simulator.step({}, 21.0)
+        assert robot.publisher.monitor.travelled_m < 5
+        robot.body.simulator.step({}, 21.0)
         assert robot.watch().panorama is not None
         assert robot.publications[-1].rule in ("time", "distance")
 

@@ -14,7 +14,17 @@ import typer
 
 from vrchain import __version__
 from vrchain.allocator import keep_freed_memory
-from vrchain.cli import bench, evaluate_database, ledger, panorama, research, robots, scene
+from vrchain.cli import (
+    bags,
+    bench,
+    evaluate_database,
+    ledger,
+    panorama,
+    research,
+    robot,
+    robots,
+    scene,
+)
 from vrchain.errors import UnsupportedWarning, VRChainError
 
 app = typer.Typer(
@@ -26,6 +36,8 @@ app = typer.Typer(
 app.add_typer(scene.app, name="scene")
 app.add_typer(panorama.app, name="panorama")
 app.add_typer(ledger.app, name="ledger")
+app.add_typer(bags.app, name="bag")
+app.add_typer(robot.app, name="robot")
 app.add_typer(bench.app, name="bench")
 app.add_typer(evaluate_database.app, name="evaluate")
 app.command()(robots.landmarks)

@@ -3,7 +3,7 @@
 import itertools
 import json
 import struct
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -93,15 +93,7 @@ class Panorama:
 
         If not all is seen, what is seen follows, all views' below one another, as grey PNG.
         """
-        coded = [codec.encode(view) for view in self.views]
-        sizes = [len(c) for c in coded]
-        header: dict[str, object] = {"rig": asdict(self.rig), "codec": codec.name}
-        header["view_bytes"] = sizes
-        if self.seen is not None:
-            coded.append(cv2.imencode(".png", _as_grey(np.concatenate(self.seen)))[1].tobytes())
-            header["seen_bytes"] = len(coded[-1])
-        table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
-        return b"".join([_MAGIC, struct.pack(">I", len(table)), table, *coded])
+        return pack(self.rig, codec.name, [codec.encode(view) for view in self.views], self.seen)
 
     @classmethod
     def decode(cls, blob: bytes) -> "Panorama":
@@ -185,6 +177,23 @@ def _seen(content: bytes, rig: CameraRig, what: str) -> NDArray[np.bool_]:
     if shown.shape != (rig.n_views * rig.height_px, rig.width_px):
         raise ImageError(f"{what}: what is seen has another size than the rig's views together")
     return shown.reshape(rig.n_views, rig.height_px, rig.width_px)
+
+
+def pack(
+    rig: CameraRig,
+    codec_name: str,
+    coded: Sequence[bytes],
+    seen: NDArray[np.bool_] | None = None,
+) -> bytes:
+    """The blob of a panorama whose views are coded already."""
+    header: dict[str, object] = {"rig": asdict(rig), "codec": codec_name}
+    header["view_bytes"] = [len(c) for c in coded]
+    mask = b""
+    if seen is not None:
+        mask = cv2.imencode(".png", _as_grey(np.concatenate(seen)))[1].tobytes()
+        header["seen_bytes"] = len(mask)
+    table = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
+    return b"".join([_MAGIC, struct.pack(">I", len(table)), table, *coded, mask])
 
 
 def view_change(before: NDArray[np.float32], now: NDArray[np.float32]) -> float:

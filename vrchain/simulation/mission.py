@@ -104,14 +104,7 @@ def run_mission(
     """
     perception = learned_perception(weights)
     rig = rig or CameraRig()
-    truth, renderer = GroundTruth(scene), Renderer(scene)
-    if scene.robots:
-        task = scene_task(scene, truth, seed, n_robots, robot, goal)
-    else:
-        task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
-    simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
-    simulator.truth, simulator.renderer = truth, renderer
-    pictures = goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
+    simulator, task, pictures = set_out(scene, seed, n_robots, robot, goal, rig)
     with team_ledger(ledger_folder, task.starts, seed) as ledger:
         robots = assemble(simulator, ledger, seed, examine=perception.record)
         drive_to_places(simulator, robots, task)
@@ -124,13 +117,27 @@ def run_mission(
         )
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)
-    at_goal, range_m = is_at(scene, truth, task.goal, pose, rig)
+    at_goal, range_m = is_at(scene, simulator.truth, task.goal, pose, rig)
     return MissionRun(
         scene, task, robot, result, tuple(pictures), panoramas,
         {n: simulator.path_xy_m(n) for n in simulator.robots}, simulator.times_s, pose,
         result.arrived and at_goal, range_m, simulator.collisions(robot),
         (simulator.clock_ns - started_ns) / 1e9, head,
     )  # fmt: skip
+
+
+def set_out(
+    scene: Scene, seed: int, n_robots: int, robot: str, goal: str | None, rig: CameraRig
+) -> tuple[Simulator, Task, list[Panorama]]:
+    """A task in a scene, its robots where they start, and the goal's pictures."""
+    truth, renderer = GroundTruth(scene), Renderer(scene)
+    if scene.robots:
+        task = scene_task(scene, truth, seed, n_robots, robot, goal)
+    else:
+        task = draw_task(scene, truth, rig, seed, n_robots, robot, goal)
+    simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
+    simulator.truth, simulator.renderer = truth, renderer
+    return simulator, task, goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
 
 
 def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:

@@ -18,9 +18,13 @@ class Patrol:
     """Robots that drive about, rather where they have not been, and publish by the update rules."""
 
     def __init__(
-        self, simulator: Simulator, robots: Mapping[str, PublishingRobot], seed: int
+        self,
+        simulator: Simulator,
+        robots: Mapping[str, PublishingRobot],
+        seed: int,
+        look_every_m: float = LOOK_EVERY_M,
     ) -> None:
-        self._simulator, self._robots = simulator, robots
+        self._simulator, self._robots, self._look_every_m = simulator, robots, look_every_m
         self._draws = {name: generator(seed, "patrol", name) for name in robots}
         self._minds = dict.fromkeys(robots, Wander())
         self._been: dict[str, list[np.ndarray]] = {name: [] for name in robots}
@@ -42,7 +46,7 @@ class Patrol:
         return self._drives
 
     def _drive_of(self, name: str) -> Drive:
-        seen, been = self._robots[name].watch(LOOK_EVERY_M), self._been[name]
+        seen, been = self._robots[name].watch(self._look_every_m), self._been[name]
         here_m = seen.odometry.xy_m
         if not been or np.hypot(*(here_m - been[-1])) >= _BEEN_EVERY_M:
             been.append(here_m)

@@ -37,8 +37,8 @@ def survey(
     """Drive until the ledger holds ``n_positions`` transactions, as many of each robot.
 
     A robot that has published its share stands still. One row a position, in the order of the
-    ledger: see ``team.Publication``. MissionError if the robots get nowhere, or if the positions
-    cannot be shared out evenly.
+    ledger: see ``team.LocatedPublication``. MissionError if the robots get nowhere, or if the
+    positions cannot be shared out evenly.
     """
     if not robots or len(set(robots)) < len(robots):
         raise MissionError(

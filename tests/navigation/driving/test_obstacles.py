@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from vrchain.geometry import Pose, placed, wrap_angle_rad
 from vrchain.navigation.driving.obstacles import ObstacleMap
 from vrchain.navigation.settings import GaveUp
-from vrchain.robot import beams_rad, steer
+from vrchain.robot import UNSEEN_M, beams_rad, steer
 
 BEAMS = beams_rad(72)
 HERE = Pose(0.0, 0.0)
@@ -43,6 +43,16 @@ def test_a_path_leads_around_a_wall_that_was_met_at_its_nearer_end() -> None:
         HERE, np.array([[8.0, 0.0]])
     )  # fmt: skip
     assert around[0] > straight[0] + 0.5
+
+
+def test_where_no_sensor_looks_nothing_was_met() -> None:
+    met, other = ObstacleMap(), ObstacleMap()
+    ring = ring_before(3.0, (-6.0, 2.0))
+    met.note(HERE, ring)
+    other.note(HERE, np.where(np.cos(BEAMS) < 0, UNSEEN_M, ring))
+    target = np.array([8.0, 0.0])
+    assert np.array_equal(met.path_m(HERE, target, 1.0), other.path_m(HERE, target, 1.0))
+    assert other.course_rad(HERE, np.array([-8.0, 0.0]), 1.0) == pytest.approx(np.pi, abs=0.1)
 
 
 def test_what_is_gone_is_forgotten_when_a_beam_goes_through_or_long_after() -> None:

@@ -104,7 +104,7 @@ class Suburb:
                     robots[name].observe(look=True)
                 patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
                 patrol.drive(conditions.patrol_s)
-                robots[robot].others = patrol.drives
+                robots[robot].body.others = patrol.drives
             index, known = index_of(ledger, perception), published_of(ledger, robot, REMEMBERED)
 
             def published() -> Mapping[str, Published]:

@@ -15,7 +15,7 @@ from scipy.spatial import cKDTree
 from vrchain.geometry import Pose
 from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.settings import GaveUp
-from vrchain.robot import beams_rad
+from vrchain.robot import UNSEEN_M, beams_rad
 
 REACH_M = 7.9  # readings of the range ring from here on are of nothing
 _CELL_M = 0.2  # of the memory
@@ -57,7 +57,7 @@ class ObstacleMap:
         free = steps[None, :] < ring[:, None] - 2 * _CELL_M
         through = here.xy_m + rays[:, None, :] * steps[None, :, None]
         self._met[self._cells(through[free])] = -np.inf
-        hit = ring < REACH_M
+        hit = (ring < REACH_M) & (ring != UNSEEN_M)
         self._met[self._cells(here.xy_m + rays[hit] * ring[hit, None])] = self.driven_m
         self._blocks = [b for b in self._blocks if self.driven_m - b[0] < _HELD_M]
         for since_m, points in self._blocks:

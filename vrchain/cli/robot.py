@@ -1,0 +1,182 @@
+"""The command ``vrchain robot``: drive a robot over ROS, or play one for whoever drives."""
+
+import json
+import math
+import time
+from contextlib import ExitStack, closing
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from vrchain.cli.bags import Rig, Slop, robots_told
+from vrchain.cli.ledger_keys import key_of
+from vrchain.cli.options import Folder, Json, Spec, doing
+from vrchain.errors import BagError
+from vrchain.files import check_output_folder, output_folder
+
+_PLAYED = "played.json"
+
+app = typer.Typer(no_args_is_help=True, help="A robot over ROS: driven, or played by a simulator.")
+
+
+@app.command()
+def run(
+    ledger: Annotated[Path, typer.Option(metavar="LEDGER", help="The team's ledger.")],
+    robot: Annotated[str, typer.Option(metavar="NAME=/NAMESPACE", help="It, and its topics.")],
+    ros: Annotated[bool, typer.Option("--ros", help="It is on ROS 1.")] = False,
+    goal: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="DIR", help="A picture of the goal, a panorama's folder; several."),
+    ] = None,
+    seconds: Annotated[
+        float, typer.Option(min=1.0, help="That it patrols and publishes, without a goal.")
+    ] = 60.0,
+    rig: Rig = None,
+    slop: Slop = 0.05,
+    keys: Annotated[Path | None, typer.Option(help="Folder of its signing key.")] = None,
+    simulated: Annotated[
+        int | None, typer.Option(metavar="SEED", help="Sign with the key of a simulation's robot.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Of a patrol's headings.")] = 0,
+    as_json: Json = False,
+) -> None:
+    """Send a live robot to a goal, or on patrol; it publishes what it sees by the update rules."""
+    from vrchain.landmarks.extraction.weights import SHIPPED
+    from vrchain.ledger import Ledger, simulated_key
+    from vrchain.navigation.goal.recognition import goal_from
+    from vrchain.navigation.mission import drive_mission
+    from vrchain.navigation.perception import learned_perception
+    from vrchain.navigation.settings import Decision
+    from vrchain.panorama import Panorama
+    from vrchain.publisher import Publication, Publisher, PublishingBody
+    from vrchain.ros.live import LiveRobot
+    from vrchain.ros.robots import load_rig
+    from vrchain.ros.ros1 import Ros1
+    from vrchain.simulation.mission import index_of, published_of
+
+    def tell(decision: Decision) -> None:
+        if not as_json:
+            print(f"{decision.time_s:7.1f} s  {decision.what:10} {decision.why}", flush=True)
+
+    if not ros:
+        raise BagError("expected --ros, the only robots that can be driven so far")
+    ((name, namespace),) = robots_told([robot]).items()
+    pictures = [Panorama.load(folder) for folder in goal or []]
+    told, perception = load_rig(rig), learned_perception()
+    with Ledger.open(ledger, writable=True) as opened:
+        key = (
+            simulated_key(simulated, name) if simulated is not None else key_of(opened, keys, name)
+        )
+        publisher = Publisher(name, opened, key, examine=perception.record)
+        with ExitStack() as stack:
+            node = stack.enter_context(closing(Ros1(f"vrchain_{name}")))
+            with doing(f"listening to {namespace}"):
+                live = LiveRobot(node, name, namespace, told, slop, publisher.lost_track)
+            stack.enter_context(closing(live))
+            body = PublishingBody[LiveRobot, Publication](live, publisher, lambda p: p)
+            summary: dict[str, Any] = {"robot": name}
+            if pictures:
+                newest, index = published_of(opened, name), index_of(opened, perception)
+
+                def published() -> Any:
+                    opened.refresh()
+                    return newest()
+
+                shown = goal_from(pictures, SHIPPED)
+                result = drive_mission(name, body, published, index, shown, perception, tell=tell)
+                summary |= {"arrived": result.arrived, "reason": result.reason}
+            else:
+                _patrol(body, seconds, seed)
+        summary |= {"published": [asdict(p) for p in body.publications]}
+        summary |= {"height": opened.head.height, "head": opened.head.hash.hex()}
+    if as_json:
+        print(json.dumps(summary))
+        return
+    end = "patrolled" if not pictures else "arrived" if summary["arrived"] else "gave up"
+    print(f"{name} {end}; it published {len(body.publications)} panoramas")
+
+
+def _patrol(body: Any, seconds: float, seed: int) -> None:
+    from vrchain.robot import Wander, wander
+    from vrchain.seeding import generator
+
+    draws, mind, until_s = generator(seed, "patrol"), Wander(), time.monotonic() + seconds
+    while time.monotonic() < until_s:
+        drive, mind = wander(body.watch(), draws, mind)
+        body.drive(drive, 0.5)
+
+
+@app.command()
+def play(
+    spec: Spec,
+    output: Folder,
+    robots: Annotated[int, typer.Option(min=2, max=20, help="How many robots.")] = 3,
+    robot: Annotated[str, typer.Option(help="Which one is played.")] = "R1",
+    goal: Annotated[
+        str | None, typer.Option(metavar="NAME", help="The object to find; drawn if not given.")
+    ] = None,
+    seconds: Annotated[float, typer.Option(min=1.0, help="To play, at most.")] = 1800.0,
+    seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
+) -> None:
+    """Play a simulated robot on ROS 1, its team's ledger and the goal's pictures in DIR.
+
+    It ends when the robot has stood for 30 s after it was driven, and says where.
+    """
+    from vrchain.navigation.perception import learned_perception
+    from vrchain.panorama import CameraRig
+    from vrchain.ros.playing import PlayedRobot
+    from vrchain.ros.ros1 import Ros1
+    from vrchain.simulation.mission import is_at, set_out
+    from vrchain.simulation.team import assemble, drive_to_places, team_ledger
+    from vrchain.world import load_scene
+
+    check_output_folder(output, _PLAYED)
+    perception, rig = learned_perception(), CameraRig()
+    with closing(Ros1(f"play_{robot}")) as node:
+        with doing(f"building {spec}"):
+            scene = load_scene(spec)
+        simulator, task, pictures = set_out(scene, seed, robots, robot, goal, rig)
+        with output_folder(output, _PLAYED) as folder:
+            with team_ledger(folder / "ledger", task.starts, seed) as ledger:
+                team = assemble(simulator, ledger, seed, examine=perception.record)
+                drive_to_places(simulator, team, task)
+            names = [f"goal_{k}" for k in range(len(pictures))]
+            for name, picture in zip(names, pictures, strict=True):
+                (folder / name).mkdir()
+                picture.save(folder / name)
+            told = {"robot": robot, "goal": task.goal, "seed": seed, "pictures": names}
+            (folder / _PLAYED).write_text(json.dumps(told, indent=2) + "\n")
+        goals = " ".join(f"--goal {output / name}" for name in names)
+        print(
+            f"playing {robot}; drive it by: vrchain robot run --ros --robot {robot}=/{robot} "
+            f"--ledger {output / 'ledger'} --simulated {seed} {goals}",
+            flush=True,
+        )
+        PlayedRobot(node, simulator, robot).run(_Rests(time.monotonic() + seconds))
+    pose = simulator.pose(robot)
+    there, range_m = is_at(scene, simulator.truth, task.goal, pose, rig)
+    place = f"{pose.x_m:.1f}, {pose.y_m:.1f} m, {math.degrees(pose.yaw_rad):.0f} degrees"
+    print(
+        f"{robot} stands at {place}, {range_m:.1f} m from {task.goal}, "
+        f"{'in' if there else 'not in'} reach and sight; {simulator.collisions(robot)} collisions"
+    )
+
+
+class _Rests:
+    """Goes on until the robot has stood for long, once it was driven, or time is over."""
+
+    def __init__(self, until_s: float, rest_s: float = 30.0) -> None:
+        self._until_s, self._rest_s = until_s, rest_s
+        self._first: Any = None
+        self._last: Any = None
+        self._moved_s = math.inf
+
+    def __call__(self, pose: Any) -> bool:
+        now_s = time.monotonic()
+        self._first = self._first or pose
+        if pose != self._last and pose != self._first:
+            self._moved_s = now_s
+        self._last = pose
+        return now_s < self._until_s and now_s < self._moved_s + self._rest_s

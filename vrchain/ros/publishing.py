@@ -1,0 +1,220 @@
+"""Bags published as their robots would have: the same looks, rules, landmarks and signatures.
+
+The first reading tells when to look; the second opens the pictures of those looks alone. What was
+published before a break is found in the ledger, and the same call goes on from there.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from vrchain.errors import BagError, ImageError
+from vrchain.geometry import Pose
+from vrchain.ledger import Ledger, SigningKey
+from vrchain.panorama import Panorama
+from vrchain.panorama.panorama import pack
+from vrchain.publisher import LOOK_EVERY_M, Examine, Publication, Publisher, look_due
+from vrchain.robot import Observation, UpdateRules
+from vrchain.ros.contents import contents_of
+from vrchain.ros.messages import is_jpeg, opened, rgb_of
+from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
+from vrchain.ros.storage import Message, messages
+
+SLOP_S = 0.05
+
+Tell = Callable[[str], None]
+
+
+@dataclass(frozen=True)
+class Look:
+    """A moment at which the robot would have looked around, and where it was by odometry."""
+
+    moment: Moment
+    pose: Pose
+
+
+@dataclass(eq=False)
+class _Player:
+    """One robot's recording, played to its publisher look by look."""
+
+    recorded: Recorded
+    publisher: Publisher
+    ledger: Ledger
+    tell: Tell
+    looks: list[Look]
+    pending: list[dict[int, Message]] = field(default_factory=list)
+    next: int = 0
+    told: int = 0  # messages of odometry that the publisher has been shown
+    broken: int = 0
+    earlier: int = 0
+    publications: list[Publication] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.pending = [{} for _ in self.looks]
+        self._jumps = list(self.recorded.way.jumps_ns)
+        self._resume()
+
+    def _resume(self) -> None:
+        """Go on after what the ledger holds of this robot."""
+        last = self.ledger.latest(self.publisher.robot)
+        if last is None:
+            return
+        while self.next < len(self.looks) and self._moment.time_ns <= last.timestamp_ns:
+            look = self.looks[self.next]
+            self.next += 1
+            if look.moment.time_ns == last.timestamp_ns:
+                panorama = Panorama.decode(self.ledger.payload(last.payload_digest))
+                self._drive_to(look.moment.time_ns)
+                seen = _observation(look, panorama)
+                self.publisher.remember(seen)
+        self.earlier = self.next
+
+    @property
+    def _moment(self) -> Moment:
+        return self.looks[self.next].moment
+
+    def wanted(self) -> Iterator[tuple[str, int, int, int]]:
+        """Topic and number of each message that is still needed, its look and camera."""
+        for k in range(self.next, len(self.looks)):
+            for camera, number in enumerate(self.looks[k].moment.numbers):
+                yield self.recorded.topics[camera], number, k, camera
+
+    def take(self, look: int, camera: int, message: Message) -> None:
+        """A picture; publishes what is complete by it, in the order of time."""
+        self.pending[look][camera] = message
+        while self.next < len(self.looks) and len(self.pending[self.next]) == len(
+            self.recorded.topics
+        ):
+            coded, self.pending[self.next] = self.pending[self.next], {}
+            look_now = self.looks[self.next]
+            self.next += 1
+            self._look(look_now, [coded[k] for k in range(len(coded))])
+
+    def played(self) -> "Played":
+        """What came of it, in the end."""
+        told = (self.publisher.robot, len(self.looks), self.broken, self.earlier)
+        return Played(*told, tuple(self.publications))
+
+    def _look(self, look: Look, coded: Sequence[Message]) -> None:
+        try:
+            panorama, blob = self._panorama(coded)
+        except (BagError, ImageError) as error:
+            self.broken += 1
+            self.tell(f"{self.publisher.robot} at {look.moment.time_ns / 1e9:.2f} s: {error}")
+            return
+        self._drive_to(look.moment.time_ns)
+        _, published = self.publisher.looked(_observation(look, panorama), blob)
+        if published is not None:
+            self.publications.append(published)
+
+    def _panorama(self, coded: Sequence[Message]) -> tuple[Panorama, bytes | None]:
+        recorded, images = self.recorded, [opened(message) for message in coded]
+        pictures = []
+        for topic, image, label, camera in zip(
+            recorded.topics, images, recorded.labels, recorded.ring.cameras, strict=True
+        ):
+            try:
+                picture = rgb_of(image, label)
+            except ImageError as error:
+                raise ImageError(f"{topic}: {error}") from error
+            if picture.shape[:2] != (camera.height_px, camera.width_px):
+                raise ImageError(
+                    f"{topic}: expected {camera.width_px} x {camera.height_px} pixels, got "
+                    f"{picture.shape[1]} x {picture.shape[0]}"
+                )
+            pictures.append(picture)
+        panorama = recorded.ring.panorama(pictures)
+        own = recorded.ring.exact and not any(recorded.labels) and all(map(is_jpeg, images))
+        rig = recorded.ring.rig
+        return panorama, pack(rig, "jpeg", [bytes(i.data) for i in images]) if own else None
+
+    def _drive_to(self, time_ns: int) -> None:
+        """Show the publisher the odometry before that time."""
+        way = self.recorded.way
+        while self.told < len(way.times_ns) and way.times_ns[self.told] < time_ns:
+            now_ns = int(way.times_ns[self.told])
+            if self._jumps and now_ns >= self._jumps[0]:
+                self._jumps.pop(0)
+                self.publisher.lost_track()
+            pose = Pose(*map(float, way.poses[self.told]))
+            self.publisher.passed(Observation(now_ns, pose, np.zeros(0)))
+            self.told += 1
+
+
+def _observation(look: Look, panorama: Panorama | None) -> Observation:
+    return Observation(look.moment.time_ns, look.pose, np.zeros(0), panorama=panorama)
+
+
+def looks_of(recorded: Recorded, look_every_m: float, max_age_s: float) -> list[Look]:
+    """When the robot would have looked around: as it does live, by way and time alone."""
+    found: list[Look] = []
+    last = None
+    for moment in recorded.moments:
+        pose = recorded.way.at(moment.time_ns)
+        if pose is None or (last is not None and moment.time_ns <= last.time_ns):
+            continue
+        look = Look(moment, pose)
+        seen = _observation(look, None)
+        if look_due(last, seen, look_every_m, max_age_s):
+            found.append(look)
+            last = seen
+    return found
+
+
+@dataclass(frozen=True)
+class Played:
+    """What came of one robot's recording.
+
+    broken: looks whose pictures could not be read; earlier: looks that an earlier call has done.
+    """
+
+    robot: str
+    looks: int
+    broken: int
+    earlier: int
+    publications: tuple[Publication, ...]
+
+
+def publish_bags(
+    bags: Sequence[str | Path],
+    ledger: Ledger,
+    keys: Mapping[str, SigningKey],
+    robots: Mapping[str, str],
+    *,
+    rig: Path | None = None,
+    look_every_m: float = LOOK_EVERY_M,
+    slop_s: float = SLOP_S,
+    rules: UpdateRules | None = None,
+    examine: Examine | None = None,
+    tell: Tell = lambda line: None,
+) -> list[Played]:
+    """Publish what robots recorded, each as if it had done so itself.
+
+    robots: name to the namespace of its topics. keys: theirs. rig: a file that tells what the bags
+    do not. slop_s: how far apart in time the cameras' pictures of one panorama may be. tell: is
+    given a line for each thing that is mended or left out. BagError before anything is published;
+    the ledger's errors as ``Ledger.publish``; what was published before stays.
+    """
+    contents, told = contents_of(bags, tell), load_rig(rig)
+    rules = rules or UpdateRules()
+    players = []
+    for name, namespace in robots.items():
+        recorded = robot_in(contents, name, namespace, told, slop_s, tell)
+        looks = looks_of(recorded, look_every_m, rules.max_age_s)
+        if not looks:
+            raise BagError(f"{name}: no moment has both pictures and odometry within 1 s of them")
+        publisher = Publisher(name, ledger, keys[name], rules, examine)
+        players.append(_Player(recorded, publisher, ledger, tell, looks))
+    del contents
+    wanted: dict[str, dict[int, list[tuple[_Player, int, int]]]] = {}
+    for player in players:
+        for topic, number, look, camera in player.wanted():
+            wanted.setdefault(topic, {}).setdefault(number, []).append((player, look, camera))
+    seen = dict.fromkeys(wanted, -1)
+    for message in messages(bags, seen.__contains__):
+        seen[message.topic] += 1
+        for player, look, camera in wanted[message.topic].pop(seen[message.topic], ()):
+            player.take(look, camera, message)
+    return [player.played() for player in players]
