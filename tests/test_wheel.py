@@ -123,7 +123,8 @@ def test_what_to_install_is_what_the_extras_are() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
         "optional-dependencies"
     ]
-    assert set(REQUIREMENTS.values()) <= {*extras["learned"], *extras["notebooks"]}
+    installable = {*extras["learned"], *extras["notebooks"], *extras["ros"]}
+    assert set(REQUIREMENTS.values()) <= installable
 
 
 @pytest.mark.slow
