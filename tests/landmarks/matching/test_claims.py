@@ -1,11 +1,14 @@
 """Groups of keypoints that agree on a pose, where nothing is proposed."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from sights import TwoViews, descriptors, directions
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.proposer import nothing
+from vrchain.landmarks.extraction.raster import CELL_PX, ROWS, columns_of
 from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.matching.claims import (
@@ -65,10 +68,14 @@ def test_where_no_ground_is_seen_only_what_reaches_the_horizon_is_claimed() -> N
     assert min(group.keypoints[0]) == len(TABLE)
 
 
-def test_what_supports_a_claim_already_is_not_claimed_again() -> None:
+def test_what_lies_in_a_claimed_proposal_is_not_claimed_again() -> None:
     a, b, found = agreed(TABLE, *FLOOR)
-    made = claims_of_groups(a, b, grouped(a, b, found, []), np.array([0.9]), 0.5)
-    assert len(made) == 1 and grouped(a, b, found, made) == []
+    cells = np.arange(ROWS // CELL_PX * (columns_of(a.rig) // CELL_PX))
+    everything = replace(nothing(), cell=cells, owner=np.zeros_like(cells))
+    proposed = replace(a, proposals=everything)
+    pair = replace(found, pairs=np.zeros((1, 2), dtype=np.int64))
+    assert len(grouped(proposed, b, pair, [])) == 1  # proposed, but not claimed
+    assert grouped(proposed, b, pair, [0]) == []
 
 
 def test_unlikely_groups_are_not_claimed() -> None:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from vrchain.geometry import circular_mean_rad, wrap_angle_rad
 from vrchain.landmarks.extraction.proposer import Proposals, overlaps
 from vrchain.landmarks.extraction.raster import directions_of
-from vrchain.landmarks.extraction.record import LandmarkRecord
+from vrchain.landmarks.extraction.record import LandmarkRecord, owners
 from vrchain.landmarks.matching.common import (
     CommonLandmark,
     MatchConfig,
@@ -27,8 +27,9 @@ from vrchain.panorama import CameraRig
 Array = NDArray[np.float64]
 
 _SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
-CLAIM_SIGNS, GROUP_SIGNS = 16, 5  # numbers that speak for a joined pair, and for a group
+CLAIM_SIGNS, GROUP_SIGNS = 16, 7  # numbers that speak for a joined pair, and for a group
 _GROUP_RAD, _LEAST = 0.08, 3  # keypoints that lie so near in both belong together; in a group
+_TOPS = -1.0, 3.0  # of groups, in camera heights above the cameras, between which they differ
 _LOWEST_TOP = -0.85  # of a group, in camera heights above the cameras: the ground is at -1
 _FARTHEST = 100.0  # in camera heights: what is farther, or nobody knows how far, is scenery
 
@@ -157,20 +158,24 @@ class Group:
 
     known: how many of them had matched before there was a pose. ranges: from A and from B, in
     distances between them; None where rays hardly meet. heights: the larger one in heights of the
-    cameras. wide_rad: over how many bearings it extends.
+    cameras. top_heights: of its highest point above the cameras, in the same; the ground is at -1.
+    wide_rad: over how many bearings it extends. told: the share of all that agree that lies in
+    claimed proposals: where that is small, the network knows little of the place.
     """
 
     keypoints: Matched
     known: int
     ranges: tuple[float, float] | None
     heights: float
+    top_heights: float
     wide_rad: float
+    told: float
 
 
 def grouped(
-    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, made: Sequence[CommonLandmark]
+    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, chosen: Sequence[int]
 ) -> list[Group]:
-    """Keypoints that agree on the pose, support no claim made so far, and lie together.
+    """Keypoints that agree on the pose, lie in no chosen pair's proposals, and lie together.
 
     Those that matched all over, and those that match where the pose lets them. A group stands up
     from the ground. How high that is, is told by the lowest of what agrees, or else by the horizon:
@@ -189,11 +194,12 @@ def grouped(
     known = np.isfinite(by_ground)
     baseline_heights = by_ground if known else geometry.baseline_heights
     places_a, places_b = (places_of(f) for f in (seen_a, seen_b))
-    taken_a, taken_b = (
-        np.concatenate([np.empty(0, np.int64), *(getattr(c, side) for c in made)])
-        for side in ("support_a", "support_b")
+    claimed = found.pairs[list(chosen)].T
+    in_a, in_b = (
+        np.isin(owners(r.rig, r.proposals, seen), own)
+        for r, seen, own in zip((a, b), (seen_a, seen_b), claimed, strict=True)
     )
-    free = np.flatnonzero(~(np.isin(index_a, taken_a) | np.isin(index_b, taken_b)))
+    free, told = np.flatnonzero(~(in_a | in_b)), float((in_a | in_b).mean())
     groups = []
     for members in group_by_nearness(places_a[free], places_b[free], _GROUP_RAD):
         if len(members) < _LEAST:
@@ -203,12 +209,11 @@ def grouped(
         middles = circular_mean_rad(sides[0].bearing_rad), circular_mean_rad(sides[1].bearing_rad)
         ranges = geometry.ranges(*middles)
         far, tops = max(ranges), [float(side.slope.max()) for side in sides]
-        if known and np.isfinite(far):
-            reach = max(top * r for top, r in zip(tops, ranges, strict=True)) * by_ground
-            stands = reach > _LOWEST_TOP
-        else:
-            stands = min(tops) > MatchConfig.min_slope
-        if not stands:
+        top = max(top * r for top, r in zip(tops, ranges, strict=True)) * baseline_heights
+        top = float(np.clip(np.nan_to_num(top), *_TOPS))
+        if not (
+            top > _LOWEST_TOP if known and np.isfinite(far) else min(tops) > MatchConfig.min_slope
+        ):
             continue
         wide_rad = max(
             float(np.ptp(wrap_angle_rad(side.bearing_rad - middle)))
@@ -217,17 +222,18 @@ def grouped(
         groups.append(Group(
             (index_a[own], index_b[own]), int((own < len(found.keypoints[0])).sum()),
             ranges if far <= MatchConfig.max_range else None,
-            float(far * baseline_heights), wide_rad,
+            float(far * baseline_heights), top, wide_rad, told,
         ))  # fmt: skip
     return sorted(groups, key=lambda group: -len(group.keypoints[0]))
 
 
 def group_signs(groups: Sequence[Group], chance: float) -> Array:
-    """What speaks for each (n, GROUP_SIGNS): sizes, width, range, and the chance of the pose."""
+    """What speaks for each (n, GROUP_SIGNS): sizes, width, range, top, the chance of the pose."""
     sure = np.clip(chance, 1e-4, 1 - 1e-4)
     signs = [
         (np.log(len(g.keypoints[0])), np.log1p(g.known), np.log(g.wide_rad + 0.01),
          np.log(np.clip(np.nan_to_num(g.heights, nan=_FARTHEST), 0.5, _FARTHEST)),
+         g.top_heights, g.told,
          np.log(sure / (1 - sure)))
         for g in groups
     ]  # fmt: skip

@@ -126,8 +126,9 @@ def compare_joint(
     found, score, chance = best.found, best.score, best.chance
     if chance < config.min_joined:
         return Comparison((), found.geometry, chance)
-    made = claims_of(a, b, found, [k for k in best.own if score[k] >= config.min_score], score)
-    groups = grouped(a, b, found, made)
+    chosen = [k for k in best.own if score[k] >= config.min_score]
+    made = claims_of(a, b, found, chosen, score)
+    groups = grouped(a, b, found, chosen)
     sure = calibration.of(config.name).groups.probability(group_signs(groups, chance))
     made += claims_of_groups(a, b, groups, sure, config.min_score)
     return Comparison(tuple(sorted(made, key=lambda c: -c.score)), found.geometry, chance)

@@ -8,7 +8,7 @@ import numpy as np
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine
 from vrchain.landmarks.matching import photos
 from vrchain.landmarks.matching.calibration import load_calibration
-from vrchain.landmarks.matching.claims import claims_of, group_signs, grouped
+from vrchain.landmarks.matching.claims import group_signs, grouped
 from vrchain.landmarks.matching.common import check_comparable
 from vrchain.landmarks.matching.joint import JointConfig, Judged, judged
 from vrchain.landmarks.matching.photos import Described, PhotoConfig, agreeing, by_chance
@@ -71,7 +71,7 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
     surest = f", the surest {score[best.own].max():.2f}" if len(best.own) else ""
     enough = f"reach {config.min_score}"
     yield "joined", f"{len(best.own)} pairs of proposals{surest}; {len(sure)} {enough}"
-    groups = grouped(a, b, found, claims_of(a, b, found, sure, score))
+    groups = grouped(a, b, found, sure)
     good = worth.groups.probability(group_signs(groups, best.chance)) >= config.min_score
     yield (
         "grouped",

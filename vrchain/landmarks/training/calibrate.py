@@ -173,14 +173,18 @@ def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) 
         if chance < joint.min_joined:
             continue
         sure = [k for k in own if score[k] >= joint.min_score]
-        members = grouped(a, b, w.found, claims_of(a, b, w.found, sure, score))
-        if not members:
-            continue
-        claims = claims_of_groups(a, b, members, np.ones(len(members)), 0.0)
-        verdicts = w.asked.verdicts(claims)
-        groups.append(group_signs(members, float(chance)))
-        right_groups += [v.right for v in verdicts] if verdicts else [False] * len(claims)
-    if groups:
+        for pairs in (
+            (sure, list[int]()) if sure else (sure,)
+        ):  # elsewhere the network may know little
+            members = grouped(a, b, w.found, pairs)
+            made_so_far = claims_of(a, b, w.found, pairs, score)
+            claims = claims_of_groups(a, b, members, np.ones(len(members)), 0.0)
+            verdicts = w.asked.verdicts([*made_so_far, *claims])
+            told = verdicts[len(made_so_far) :] if verdicts else []
+            new = np.array([not v.duplicate for v in told] or [True] * len(claims), dtype=bool)
+            groups.append(group_signs(members, float(chance))[new])
+            right_groups += [v.right for v in told if not v.duplicate] or [False] * int(new.sum())
+    if right_groups:
         worth = replace(worth, groups=fit(np.concatenate(groups), np.array(right_groups)))
     return worth
 
