@@ -3,13 +3,15 @@
 import json
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pandas as pd
 import pytest
-from sights import RIG, look
+from sights import RIG, look, yard
 
 from vrchain.cli import app
 from vrchain.errors import MissionError
+from vrchain.experiments.homing import Grid, answers
 from vrchain.experiments.homing_database import (
     as_table,
     evaluate,
@@ -17,7 +19,10 @@ from vrchain.experiments.homing_database import (
     summarise,
 )
 from vrchain.geometry import Pose
-from vrchain.panorama.databases import DatabaseEntry, read_database, write_database
+from vrchain.homing import METHODS
+from vrchain.panorama.databases import ENTRIES, DatabaseEntry, read_database, write_database
+from vrchain.seeding import generator
+from vrchain.world.render import Renderer
 
 POSES = [Pose(x, y, 0.7 * x - y) for x in (0.0, 1.0, 2.0) for y in (0.0, 1.0, 2.0)]
 SPACING_M = 0.9, 2.9
@@ -59,23 +64,56 @@ def test_home_vectors_are_judged_by_the_poses(found: pd.DataFrame) -> None:
 
 
 def test_figures_are_what_the_module_says() -> None:
-    """Four pairs: right, too sure, silent, and declared where it is not."""
+    """Six pairs: right, too sure, silent, declared where it is not, and wrong, surely and not."""
     table = pd.DataFrame(
         {
-            "home": [0, 0, 1, 1], "range_m": [1.0, 2.0, 3.0, 4.9], "method": "made up",
-            "answered": [True, True, False, True], "error_deg": [1.0, 8.0, 90.0, 3.0],
-            "std_rad": np.radians([1.0, 3.0, np.nan, 2.0]), "returned": None,
-            "arrived": [False, False, False, True],
+            "home": [0, 0, 1, 1, 2, 2], "range_m": [1.0, 2.0, 3.0, 4.9, 4.0, 4.1],
+            "method": "made up", "answered": [True, True, False, True, True, True],
+            "error_deg": [1.0, 8.0, 90.0, 3.0, 46.0, 46.0], "returned": None,
+            "std_rad": np.radians([1.0, 3.0, np.nan, 2.0, 19.0, 24.0]),
+            "arrived": [False, False, False, True, False, False],
         }
     )  # fmt: skip
     own = summarise(table)["made up"]
-    assert (own["n_pairs"], own["answered"], own["median_deg"]) == (4, 3, 3.0)
-    assert own["angular_error_deg"] == pytest.approx(25.5)
-    assert own["within_1_std"] == pytest.approx(1 / 3)
-    assert own["within_2_std"] == pytest.approx(2 / 3)
-    assert own["false_arrivals"] == 1 and own["return_ratio"] is None
+    assert (own["n_pairs"], own["answered"], own["median_deg"]) == (6, 5, 8.0)
+    assert own["angular_error_deg"] == pytest.approx(194 / 6)
+    assert own["within_1_std"] == pytest.approx(1 / 5)
+    assert own["within_2_std"] == pytest.approx(3 / 5)
+    assert (own["sure_wrong"], own["false_arrivals"]) == (1, 1) and own["return_ratio"] is None
     bands = [v for name, v in own.items() if name.startswith("error_")]
-    assert bands == pytest.approx([4.5, 90.0, 3.0])
+    assert bands == pytest.approx([4.5, 90.0, 95 / 3])
+
+
+def test_our_own_renderings_give_the_same_answers_by_way_of_a_database(tmp_path: Path) -> None:
+    """As ``homing.answers`` gives, which ``evaluate homing`` counts."""
+    near, home = Grid(1.0, 1.0, 1.0, 0.0), Pose(0.5, -0.3, 1.0)
+    renderer, points = Renderer(yard()), near.points_m()
+    direct = answers(renderer, home, generator(0, "headings"), tuple(METHODS), grid=near, rig=RIG)
+    yaws = generator(0, "headings").uniform(-np.pi, np.pi, len(points))
+    poses = [Pose(*(home.xy_m + offset_m), yaw) for offset_m, yaw in zip(points, yaws, strict=True)]
+    taken = [(DatabaseEntry(Path(f"{k}"), p), renderer.render(p, RIG))
+             for k, p in enumerate([*poses, home])]  # fmt: skip
+    write_database(tmp_path, taken)
+    found = evaluate(read_database(tmp_path), seed=0, spacing_m=(0.9, 1.1))
+    found = found[(found.home == len(poses)) & found.method.isin(METHODS)]
+    direct = direct[np.hypot(direct.x_m, direct.y_m) > 0]
+    assert len(found) == len(direct) == 4 * len(METHODS)
+    told = ["method", "answered", "arrived", "n_matches"]
+    assert found[told].to_numpy().tolist() == direct[told].to_numpy().tolist()
+    for figure in ("x_m", "y_m", "error_deg", "std_rad", "course_rad", "remoteness"):
+        assert found[figure].to_numpy() == pytest.approx(direct[figure].to_numpy(), abs=1e-6)
+
+
+def test_pictures_of_an_ants_height_are_looked_at(tmp_path: Path) -> None:
+    """No rig stands 10 mm high, as examples of Brains on Board say; that only scales distances."""
+    for k in range(2):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), np.full((256, 512), 90, np.uint8))
+    (tmp_path / ENTRIES).write_text(
+        "X [mm], Y [mm], Z [mm], Heading [degrees], Filename\n"
+        + "".join(f"{1000 * k}, 0, 10, 0, {k}.png\n" for k in range(2))
+    )
+    found = evaluate(read_database(tmp_path), ["epipolar"], seed=0, spacing_m=(0.9, 1.1))
+    assert len(found) == 4 and not found.answered.any()
 
 
 def entries(points: list[tuple[float, float]], room: int = 0) -> list[DatabaseEntry]:

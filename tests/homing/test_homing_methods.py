@@ -116,6 +116,21 @@ def test_a_horizon_is_what_is_seen_along_its_bearings() -> None:
     assert (ring.argmax() + 0.5) * np.pi / 90 - np.pi == pytest.approx(0.5, abs=0.03)
 
 
+def test_what_no_camera_saw_is_not_taken_for_black() -> None:
+    """Where two views are missing, the horizon is the mean of the rest, and elsewhere the same."""
+    whole = look(Pose(0.3, 0.2, 0.0))
+    views, seen = whole.views.copy(), np.ones(whole.views.shape[:3], bool)
+    views[2:4], seen[2:4] = 0, False
+    full, holed = snapshot(whole).horizon, snapshot(Panorama(RIG, views, seen)).horizon
+    assert full is not None and holed is not None
+    missing = np.isin(RIG.view_of_bearing((np.arange(180) + 0.5) * np.pi / 90 - np.pi), (2, 3))
+    inside = missing & np.roll(missing, 1) & np.roll(missing, -1)
+    rest = ~missing & ~np.roll(missing, 1) & ~np.roll(missing, -1)
+    assert holed[inside] == pytest.approx(holed[rest].mean(), rel=0.02)
+    assert np.array_equal(holed[rest], full[rest])
+    assert snapshot(Panorama(RIG, views, np.zeros_like(seen))).horizon is None
+
+
 def test_an_unknown_method_is_named_with_those_there_are() -> None:
     with pytest.raises(MissionError, match=r"epipolar, scale, .* got 'snapshot'"):
         step("snapshot", ring_snapshot(HOME), ring_snapshot(HOME))

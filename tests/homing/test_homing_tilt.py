@@ -9,8 +9,6 @@ from sights import look
 from vrchain.experiments.homing_database import tilted
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import HomeVector, Snapshot, snapshot, step
-from vrchain.homing.epipolar import Epipolar
-from vrchain.homing.views import Views
 from vrchain.panorama import CameraRig
 
 TALL = CameraRig(n_views=8, width_px=320, height_px=480)
@@ -44,7 +42,7 @@ def test_a_picture_is_tilted_by_the_right_hands_rule() -> None:
     assert np.abs(seen - higher).mean() < 0.5 * np.abs(seen - panorama.cylinder[rows, left]).mean()
 
 
-@pytest.mark.parametrize("tilt_deg", [0.0, 1.0, 2.0, 5.0, 10.0])
+@pytest.mark.parametrize("tilt_deg", [0.0, 1.0, 2.0, 5.0, 10.0, 12.0])
 def test_home_lies_where_it_says_though_the_cameras_are_tilted(tilt_deg: float) -> None:
     for k, here in enumerate(STARTS):
         vector = step("epipolar", sight(here, tilt_deg, 1.7 * k), sight(HOME, tilt_deg, 2.5))
@@ -52,11 +50,13 @@ def test_home_lies_where_it_says_though_the_cameras_are_tilted(tilt_deg: float) 
         assert off_deg(vector, here) < 3 or off_deg(vector, here) < 2 * np.degrees(vector.std_rad)
 
 
-def test_what_is_tilted_farther_than_is_corrected_is_refused_or_doubted() -> None:
-    strict = Epipolar(most_tilt_rad=np.radians(3.0))
-    for k, here in enumerate(STARTS):
-        vector = strict(Views(sight(here, 10.0, 1.7 * k), sight(HOME, 10.0, 2.5)), None)
-        assert vector is None or np.degrees(vector.std_rad) > 5
+def test_what_is_tilted_farther_than_15_degrees_is_refused() -> None:
+    """The tilt is as found from the matches, which may be a little less; then the answer is right."""
+    vectors = [step("epipolar", sight(here, 16.0, 1.7 * k), sight(HOME, 16.0, 2.5))
+               for k, here in enumerate(STARTS)]  # fmt: skip
+    assert sum(vector is None for vector in vectors) >= 3
+    for here, vector in zip(STARTS, vectors, strict=True):
+        assert vector is None or (off_deg(vector, here) < 3 and not vector.arrived)
 
 
 @pytest.mark.parametrize("error_deg", [0.0, 10.0, 90.0])

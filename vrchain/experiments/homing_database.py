@@ -30,12 +30,13 @@ from vrchain.experiments.homing import COMPASS, RETURNED_M, Free, Grid, judged, 
 from vrchain.experiments.intervals import Bootstrap, or_none, table_of
 from vrchain.geometry import wrap_angle_rad
 from vrchain.homing import METHODS, Snapshot, Views, snapshot
-from vrchain.panorama import CameraRig, Panorama
-from vrchain.panorama.databases import DatabaseEntry, panorama_of
+from vrchain.panorama import Panorama
+from vrchain.panorama.databases import DatabaseEntry, height_of, panorama_of
 from vrchain.seeding import generator
 
 SPACING_M = 1.0, 5.0
 BANDS = 3  # of the distance, equally wide
+SURE_DEG, WRONG_DEG = 20.0, 45.0  # an answer whose deviation is below, though it is farther off
 _CELL = 0.71  # from a cell's middle to its corner, in its sides
 _LEAST_GRID, _EVEN, _MOST = 9, 0.1, 0.8  # positions of a grid; how even it is, and how many are
 
@@ -62,8 +63,7 @@ def evaluate(
     spacing = grid_spacing_m(entries)
     near_m = spacing_m[0] if spacing is None else 0.0  # a robot that returns comes nearer
     homes = _homes(entries, spacing_m, near_m, most_pairs, generator(seed, "homes"))
-    told = [entry.height_m for entry in entries if entry.height_m is not None]
-    height_m = float(np.median(told)) if told else CameraRig.camera_height_m
+    height_m = height_of(entries)
     found = []
     for tilt_deg in tilts_deg:
         look = cache(partial(_look, entries, height_m, tilt_deg, seed))
@@ -213,7 +213,8 @@ def summarise(
 
     n_pairs; answered; median_deg, of answers; angular_error_deg, no answer counted as 90; the same
     within bands of the distance; within_1_std, within_2_std: shares of answers whose error is up to
-    so many of the deviations stated; false_arrivals; return_ratio.
+    so many of the deviations stated; sure_wrong, answers more than 45 degrees off with a deviation
+    below 20; false_arrivals; return_ratio.
     """
     edges_m = np.linspace(*spacing_m, BANDS + 1)
     return {
@@ -238,6 +239,7 @@ def _summary(own: pd.DataFrame, edges_m: NDArray[np.float64]) -> dict[str, objec
         },
         "within_1_std": or_none((answers.error_deg <= 1 * std_deg).mean()),
         "within_2_std": or_none((answers.error_deg <= 2 * std_deg).mean()),
+        "sure_wrong": int(((answers.error_deg > WRONG_DEG) & (std_deg < SURE_DEG)).sum()),
         "false_arrivals": int((own.arrived & (own.range_m > RETURNED_M)).sum()),
         "return_ratio": float(back.astype(float).mean()) if len(back) else None,
     }

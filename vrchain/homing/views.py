@@ -49,13 +49,26 @@ class Snapshot:
 
 def snapshot(panorama: Panorama) -> Snapshot:
     """The snapshot of a panorama."""
-    rig, image = panorama.rig, panorama.cylinder
-    ring = None
-    if rig.closed:
-        belt = np.abs(rig.slope_of_row(np.arange(len(image)))) <= _BELT_SLOPE
-        grey = image[belt].mean(axis=(0, 2))[::-1]  # columns run from the left, bearings from -pi
-        ring = cv2.resize(grey[None], (HORIZON_COLUMNS, 1), interpolation=cv2.INTER_AREA)[0]
-    return Snapshot(extract(panorama), ring, rig.camera_height_m)
+    ring = _horizon(panorama) if panorama.rig.closed else None
+    return Snapshot(extract(panorama), ring, panorama.rig.camera_height_m)
+
+
+def _horizon(panorama: Panorama) -> NDArray[np.float64] | None:
+    """Grey values around; their mean where nothing is seen, None where that is so all around."""
+    slopes = panorama.rig.slope_of_row(np.arange(len(panorama.cylinder)))
+    belt = np.abs(slopes) <= _BELT_SLOPE
+    grey = panorama.cylinder[belt].mean(axis=2)
+    seen = np.ones(grey.shape)
+    if panorama.seen_cylinder is not None:
+        seen = panorama.seen_cylinder[belt].astype(float)
+    columns = np.stack([(grey * seen).mean(axis=0), seen.mean(axis=0)])[:, ::-1]  # from -pi on
+    total, share = cv2.resize(columns, (HORIZON_COLUMNS, 2), interpolation=cv2.INTER_AREA)
+    known = share > 0
+    if not known.any():
+        return None
+    ring = np.full(HORIZON_COLUMNS, total.sum() / share.sum())
+    ring[known] = total[known] / share[known]
+    return ring
 
 
 @dataclass(frozen=True, eq=False)
