@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import BagError, ImageError
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import (
     COMPRESSED,
     IMAGE,
@@ -21,11 +22,12 @@ from vrchain.ros.messages import (
     rgb_of,
     stamp_ns,
 )
-from vrchain.ros.storage import Message, messages
+from vrchain.ros.storage import messages
 
 Times = NDArray[np.int64]
 
 _TRIED = 20  # pictures, for one that can be read
+_FRAMES = 10_000  # of transforms; a robot has hundreds
 _APART_NS = 1_000_000_000  # of a stamp from when it was received, more than before: it is wrong
 
 
@@ -106,9 +108,11 @@ def keep(found: Contents, topic: Topic, message: Message) -> None:
     if message.type == TF:
         for told in opened(message).transforms:
             child = told.child_frame_id.lstrip("/")
+            if child in found.transforms or len(found.transforms) >= _FRAMES:
+                continue
             pose = matrix_of(told.transform.translation, told.transform.rotation)
             if pose is not None:
-                found.transforms.setdefault(child, (told.header.frame_id.lstrip("/"), pose))
+                found.transforms[child] = told.header.frame_id.lstrip("/"), pose
     elif message.type == INFO:
         info = opened(message)
         if topic.first is None or not any(focal_lengths(topic.first)):

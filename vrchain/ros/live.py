@@ -18,6 +18,7 @@ from vrchain.geometry import Pose, placed, relative
 from vrchain.panorama import Panorama
 from vrchain.robot import STOP, UNSEEN_M, Drive, Observation
 from vrchain.ros.contents import Contents, Topic, keep, yaw_of
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import (
     COMPRESSED,
     IMAGE,
@@ -31,7 +32,6 @@ from vrchain.ros.messages import (
 )
 from vrchain.ros.robots import Way, is_jump, robot_in
 from vrchain.ros.ros1 import Ros1
-from vrchain.ros.storage import Message
 from vrchain.ros.telling import Messages
 from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 

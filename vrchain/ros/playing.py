@@ -6,9 +6,9 @@ from threading import Lock
 
 from vrchain.geometry import Pose
 from vrchain.robot import STOP, Drive
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import IMAGE, INFO, ODOMETRY, SCAN, TF, opened
 from vrchain.ros.ros1 import Ros1
-from vrchain.ros.storage import Message
 from vrchain.ros.telling import Messages, RobotTopics
 from vrchain.simulation.simulator import Simulator
 

@@ -6,6 +6,7 @@ published before a break is found in the ledger, and the same call goes on from 
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -18,9 +19,10 @@ from vrchain.panorama.panorama import pack
 from vrchain.publisher import LOOK_EVERY_M, Examine, Publication, Publisher, look_due
 from vrchain.robot import Observation, UpdateRules
 from vrchain.ros.contents import contents_of
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import is_jpeg, opened, rgb_of
 from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
-from vrchain.ros.storage import Message, messages
+from vrchain.ros.storage import messages
 
 SLOP_S = 0.05
 
@@ -197,6 +199,7 @@ def publish_bags(
     given a line for each thing that is mended or left out. BagError before anything is published;
     the ledger's errors as ``Ledger.publish``; what was published before stays.
     """
+    _check_apart(robots)
     contents, told = contents_of(bags, tell), load_rig(rig)
     rules = rules or UpdateRules()
     players = []
@@ -218,3 +221,11 @@ def publish_bags(
         for player, look, camera in wanted[message.topic].pop(seen[message.topic], ()):
             player.take(look, camera, message)
     return [player.played() for player in players]
+
+
+def _check_apart(robots: Mapping[str, str]) -> None:
+    """BagError if two robots would be told by the same topics."""
+    for (one, own), (other, second) in combinations(robots.items(), 2):
+        begin, end = sorted((own.rstrip("/") + "/", second.rstrip("/") + "/"), key=len)
+        if end.startswith(begin):
+            raise BagError(f"{one} and {other}: expected namespaces apart, got {own} and {second}")
