@@ -12,6 +12,7 @@ from vrchain.errors import BagError, ImageError
 from vrchain.ros.formats import Message
 
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
 INFO = "sensor_msgs/msg/CameraInfo"
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
