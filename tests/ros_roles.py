@@ -22,13 +22,12 @@ def simulator() -> Simulator:
 
 
 def play() -> None:
-    until_s = time.monotonic() + 250
-    PlayedRobot(Ros1("play"), simulator(), "R1").run(lambda pose: time.monotonic() < until_s)
+    PlayedRobot(Ros1("play"), simulator(), "R1").run(lambda left: not left)
 
 
 def drive() -> None:
     node = Ros1("drive")
-    robot = LiveRobot(node, "R1", "/R1", {}, 0.05, patience_s=150.0)
+    robot = LiveRobot(node, "R1", "/R1", {}, 0.05, patience_s=600.0)
     there = simulator()
     expected = there.observe("R1", look=True).panorama
     seen, glance = robot.observe(look=True), robot.observe(towards_rad=np.pi / 2)

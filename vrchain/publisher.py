@@ -7,9 +7,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
+import numpy as np
+
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.extraction.record import LandmarkRecord, encode_record
 from vrchain.ledger import Ledger, SigningKey
+from vrchain.ledger.errors import DroppedError
 from vrchain.navigation.settings import Body
 from vrchain.panorama import Panorama
 from vrchain.robot import Drive, Observation, UpdateMonitor, UpdateRules
@@ -84,11 +87,18 @@ class Publisher:
         self._looked = seen
         return seen, published
 
-    def remember(self, seen: Observation) -> None:
-        """Go on from what this robot has published of this look earlier."""
-        self.monitor.due(seen)
+    def resume(self, here: Pose) -> None:
+        """Go on from what this robot published last, if anything; by odometry that was ``here``."""
+        last = self._ledger.latest(self.robot)
+        if last is None:
+            return
+        try:
+            panorama = Panorama.decode(self._ledger.payload(last.payload_digest))
+        except DroppedError:
+            panorama = None
+        seen = Observation(last.timestamp_ns, here, np.zeros(0), panorama=panorama)
         self.monitor.published(seen)
-        self._looked, self._published = seen, seen.odometry
+        self._looked, self._published = seen, here
 
     def lost_track(self) -> None:
         """How it moved since it last published is not known: the next record says nothing of it."""

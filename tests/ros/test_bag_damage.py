@@ -137,12 +137,12 @@ def test_parts_of_one_bag_in_the_order_of_their_numbers(tmp_path: Path) -> None:
         (b"", "an empty file"),
         (b"hello, no bag", "begins with b'hello"),
         (b"#ROSBAG V1.2\n", "version 2.0"),
-        (b"version https://git-lfs.github.com/spec/v1\n", "begins with b'version"),
+        (b"version https://git-lfs.github.com/spec/v1\n", "run `git lfs pull`"),
     ],
 )
 def test_what_is_no_bag(content: bytes, said: str, tmp_path: Path) -> None:
     (tmp_path / "x.bag").write_bytes(content)
-    with pytest.raises(BagError, match="expected a ROS 1 bag") as told:
+    with pytest.raises(BagError, match=r"expected a (ROS 1 )?bag") as told:
         list(messages([tmp_path / "x.bag"]))
     assert said in str(told.value)
     with pytest.raises(BagError, match="not there"):

@@ -226,19 +226,50 @@ def test_null_quaternions(tmp_path: Path) -> None:
 
 
 def test_no_odometry(tmp_path: Path) -> None:
-    line = refused(changed(recording(), "/odom", lambda row: None), tmp_path)
+    rows = changed(recording(), "/odom", lambda row: None)
+    line = refused([row for row in rows if row.topic != "/tf"], tmp_path)
     assert "expected nav_msgs/msg/Odometry under /R1/" in line
 
 
-def test_a_picture_that_is_broken(tmp_path: Path) -> None:
-    def broken(row: Row) -> Row:
-        if row.received_ns != START_NS + 5 * NS:
+def test_transforms_tell_the_way_where_odometry_does_not(tmp_path: Path) -> None:
+    found = outcome_of(changed(recording(), "/odom", lambda row: None), tmp_path)
+    assert same(found) and found.moved == clean().moved
+    assert found.said == (
+        "R1: no nav_msgs/msg/Odometry was recorded: transforms from /R1/odom of tf are used",
+    )
+
+
+def test_poses_that_the_rig_names(tmp_path: Path) -> None:
+    from vrchain.ros.messages import POSE
+    from vrchain.ros.telling import Messages
+
+    def as_pose(row: Row) -> Row:
+        told = row.message
+        pose = Messages(False).make(POSE, header=told.header, pose=told.pose.pose)
+        return replace(row, topic="/R1/slam_pose", message=pose)
+
+    rows = [row for row in changed(recording(), "/odom", as_pose) if row.topic != "/tf"]
+    (tmp_path / "rig.yaml").write_text("odometry: slam_pose\n")
+    assert same(outcome_of(rows, tmp_path, rig=tmp_path / "rig.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("until_s", "times_s", "broken"),
+    [(5, (0.0, 6.0, 10.0), 0), (8, (0.0, 10.0), 1), (11, (0.0,), 2)],
+)
+def test_pictures_that_are_broken(
+    until_s: int, times_s: tuple[float, ...], broken: int, tmp_path: Path
+) -> None:
+    """Those of the next moment serve, three times at most."""
+
+    def cut(row: Row) -> Row:
+        if not 5 * NS <= row.received_ns - START_NS <= until_s * NS:
             return row
         return replace(row, message=fields(row.message, data=row.message.data[:50]))
 
-    rows = changed(recording(codec=Codec("jpeg", 90)), CAMERA_3, broken)
+    rows = changed(recording(codec=Codec("jpeg", 90)), CAMERA_3, cut)
     found = outcome_of(rows, tmp_path)
-    assert found.played.broken == 1 and len(found.digests) == 2
+    assert (found.times_s, found.played.broken) == (times_s, broken)
     assert any(CAMERA_3 in line for line in found.said)
 
 

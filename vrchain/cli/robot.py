@@ -35,6 +35,9 @@ def run(
     ] = 60.0,
     rig: Rig = None,
     slop: Slop = 0.05,
+    patience: Annotated[
+        float, typer.Option(min=1.0, help="How long to wait, in s, for what it is to say.")
+    ] = 20.0,
     keys: Annotated[Path | None, typer.Option(help="Folder of its signing key.")] = None,
     simulated: Annotated[
         int | None, typer.Option(metavar="SEED", help="Sign with the key of a simulation's robot.")
@@ -73,8 +76,10 @@ def run(
         with ExitStack() as stack:
             node = stack.enter_context(closing(Ros1(f"vrchain_{name}")))
             with doing(f"listening to {namespace}"):
-                live = LiveRobot(node, name, namespace, told, slop, publisher.lost_track)
+                live = LiveRobot(node, name, namespace, told, slop, publisher.lost_track, patience)
             stack.enter_context(closing(live))
+            publisher.resume(live.observe().odometry)
+            publisher.lost_track()  # nobody knows how it was moved meanwhile
             body = PublishingBody[LiveRobot, Publication](live, publisher, lambda p: p)
             summary: dict[str, Any] = {"robot": name}
             if pictures:
@@ -122,7 +127,7 @@ def play(
 ) -> None:
     """Play a simulated robot on ROS 1, its team's ledger and the goal's pictures in DIR.
 
-    It ends when the robot has stood for 30 s after it was driven, and says where.
+    It ends when who drove it has left, and says where the robot stands.
     """
     from vrchain.navigation.perception import learned_perception
     from vrchain.panorama import CameraRig
@@ -154,7 +159,10 @@ def play(
             f"--ledger {output / 'ledger'} --simulated {seed} {goals}",
             flush=True,
         )
-        PlayedRobot(node, simulator, robot).run(_Rests(time.monotonic() + seconds))
+        until_s = time.monotonic() + seconds
+        PlayedRobot(node, simulator, robot).run(
+            lambda left: not left and time.monotonic() < until_s
+        )
     pose = simulator.pose(robot)
     there, range_m = is_at(scene, simulator.truth, task.goal, pose, rig)
     place = f"{pose.x_m:.1f}, {pose.y_m:.1f} m, {math.degrees(pose.yaw_rad):.0f} degrees"
@@ -162,21 +170,3 @@ def play(
         f"{robot} stands at {place}, {range_m:.1f} m from {task.goal}, "
         f"{'in' if there else 'not in'} reach and sight; {simulator.collisions(robot)} collisions"
     )
-
-
-class _Rests:
-    """Goes on until the robot has stood for long, once it was driven, or time is over."""
-
-    def __init__(self, until_s: float, rest_s: float = 30.0) -> None:
-        self._until_s, self._rest_s = until_s, rest_s
-        self._first: Any = None
-        self._last: Any = None
-        self._moved_s = math.inf
-
-    def __call__(self, pose: Any) -> bool:
-        now_s = time.monotonic()
-        self._first = self._first or pose
-        if pose != self._last and pose != self._first:
-            self._moved_s = now_s
-        self._last = pose
-        return now_s < self._until_s and now_s < self._moved_s + self._rest_s

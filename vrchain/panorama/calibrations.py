@@ -1,6 +1,6 @@
 """Calibrated cameras from files: a kalibr camchain, or ROS ``camera_info``, one file a view."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,9 @@ from vrchain.panorama.models import Lens
 
 Mounted = tuple[Lens, NDArray[np.float64]]
 """A lens, and the rotation (3, 3) from its frame (x ahead, y left, z up) to the robot's."""
-_OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # z ahead, x right
-_EQUIDISTANT = ("equidistant", "fisheye", "kannala_brandt")
-_POLYNOMIAL = ("radtan", "plumb_bob", "rational_polynomial", "none", "")
+OPTICAL = np.array([[0.0, -1.0, 0.0], [0.0, 0.0, -1.0], [1.0, 0.0, 0.0]])  # z ahead, x right
+_EQUIDISTANT = ("equidistant", "fisheye", "kannala_brandt", "kannala_brandt4")
+_POLYNOMIAL = ("radtan", "radial-tangential", "plumb_bob", "rational_polynomial", "none", "")
 
 
 def read_cameras(files: Sequence[Path], bearings_deg: Sequence[float] = ()) -> list[Mounted]:
@@ -53,13 +53,9 @@ def _table(file: Path) -> dict[str, Any]:
     return told
 
 
-def _lens(told: Any, reader: Any, file: Path) -> Lens:
+def _lens(told: Any, reader: Callable[[Any], Lens], file: Path) -> Lens:
     try:
-        lens: Lens = reader(told)
-        numbers = [*lens.size_px, *lens.focal_px, *lens.middle_px, *lens.distortion]
-        if min(*lens.size_px, *lens.focal_px) <= 0 or not np.isfinite(numbers).all():
-            raise ValueError("a size or focal length of nought: it was never calibrated")
-        return lens
+        return reader(told)
     except (KeyError, TypeError, ValueError, IndexError) as error:
         why = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ImageError(
@@ -89,16 +85,28 @@ def _of_ros(told: Mapping[str, Any]) -> Lens:
 def _made(
     size_px: tuple[int, int], inner: tuple[float, ...], told: Mapping[str, Any], where: str
 ) -> Lens:
-    name = str(told.get("distortion_model", "")).lower()
+    given = told.get(where) or ()
+    given = given["data"] if isinstance(given, dict) else given
+    return lens_of(size_px, inner, str(told.get("distortion_model", "")), given)
+
+
+def lens_of(
+    size_px: tuple[int, int], inner: Sequence[float], model: str, distortion: Iterable[float]
+) -> Lens:
+    """A lens by the numbers that calibrations tell: fx, fy, cx, cy, the name of the distortion's
+    model and its coefficients. ValueError says what is wrong."""
+    name, given = model.lower(), tuple(map(float, distortion))
     if name not in (*_EQUIDISTANT, *_POLYNOMIAL):
         raise ValueError(f"expected distortion radtan, plumb_bob or equidistant, got {name}")
-    given = told.get(where) or ()
-    given = tuple(map(float, given["data"] if isinstance(given, dict) else given))
+    if len(inner) != 4:
+        raise ValueError(f"expected four intrinsics, fx, fy, cx, cy, got {len(inner)}")
+    fx, fy, cx, cy = inner
+    if min(*size_px, fx, fy) <= 0 or not np.isfinite([fx, fy, cx, cy, *given]).all():
+        raise ValueError("a size or focal length of nought: it was never calibrated")
     if name in _EQUIDISTANT:
         given = (*given, 0.0, 0.0, 0.0, 0.0)[:4]
     elif given and len(given) not in (4, 5, 8, 12, 14):
         raise ValueError(f"expected 4, 5, 8, 12 or 14 distortion coefficients, got {len(given)}")
-    fx, fy, cx, cy = inner
     return Lens(size_px, (fx, fy), (cx, cy), given, name in _EQUIDISTANT)
 
 
@@ -114,5 +122,5 @@ def _chained(chain: Sequence[Mapping[str, Any]], file: Path) -> list[NDArray[np.
         except (KeyError, TypeError, ValueError, IndexError) as error:
             raise ImageError(f"{file}: cam{number}: expected a T_cn_cnm1 of 4 x 4") from error
         turn = step @ turn  # from the first camera's optical frame to this one's
-        turns.append(_OPTICAL.T @ turn.T @ _OPTICAL)
+        turns.append(OPTICAL.T @ turn.T @ OPTICAL)
     return turns

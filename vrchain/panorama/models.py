@@ -16,6 +16,7 @@ Rays = NDArray[np.floating]
 Size = tuple[int, int]
 Pixels = tuple[NDArray[np.floating], NDArray[np.floating]]
 Model = Callable[[Rays, Size], Pixels]
+_FLAT_RAD = np.radians(89.5)  # off the axis, at most, on a flat picture
 
 
 @dataclass(frozen=True)
@@ -167,37 +168,42 @@ class Lens:
         (fx, fy), (cx, cy) = self.focal_px, self.middle_px
         return np.array([[fx, 0.0, cx], [0.0, fy, cy], [0.0, 0.0, 1.0]])
 
+    def radius(self, off_rad: NDArray[np.float64]) -> NDArray[np.float64]:
+        """How far from the middle rays so far off the axis are, in focal lengths."""
+        if self.equidistant:
+            return np.sum(
+                [c * off_rad ** (2 * n + 1) for n, c in enumerate((1.0, *self.distortion))], 0
+            )
+        k1, k2, _, _, k3, k4, k5, k6 = (*self.distortion, *[0.0] * 8)[:8]
+        r = np.tan(off_rad)
+        s = r**2
+        return r * (1 + s * (k1 + s * (k2 + s * k3))) / (1 + s * (k4 + s * (k5 + s * k6)))
+
     @property
     def widest_rad(self) -> float:
-        """The largest angle from the axis that the picture shows: beyond, polynomials fold back."""
-        width_px, height_px = self.size_px
-        along = np.linspace(0, 1, 33)
-        edge = [(s * (width_px - 1), t * (height_px - 1)) for s in along for t in (0, 1)]
-        edge += [(s * (width_px - 1), t * (height_px - 1)) for s in (0, 1) for t in along]
-        points = np.array(edge, dtype=float).reshape(-1, 1, 2)
-        given = np.array(self.distortion)
-        if self.equidistant:
-            theta = np.linspace(0, np.pi / 2, 181)
-            k = [1.0, *self.distortion]
-            radius = np.sum([c * theta ** (2 * n + 1) for n, c in enumerate(k)], axis=0)
-            growing = int(np.argmin(np.diff(radius) > 0)) or len(theta) - 1
-            corner = np.hypot(*((points[:, 0] - self.middle_px) / self.focal_px).T).max()
-            reached = int(np.searchsorted(radius[: growing + 1], corner))
-            return float(theta[min(reached, growing)])
-        ideal = cv2.undistortPoints(points, self.matrix, given)[:, 0]
-        return float(np.arctan(np.hypot(*ideal.T).max()))
+        """How far off the axis rays are shown: beyond, the polynomials fold back."""
+        off_rad = np.linspace(0, np.pi if self.equidistant else _FLAT_RAD, 1000)
+        falls = np.flatnonzero(np.diff(self.radius(off_rad)) <= 0)
+        return float(off_rad[falls[0] if len(falls) else -1])
 
 
 def pinhole(rays: Rays, size_px: Size, lens: Lens) -> Pixels:
     """A calibrated camera; a picture of another size than its calibration's is scaled."""
-    x, y, z = np.moveaxis(rays, -1, 0)
-    shown = np.arctan2(np.hypot(y, z), x) <= min(lens.widest_rad + 1e-3, np.radians(89.5))
-    points = np.stack([-y[shown], -z[shown], x[shown]], axis=-1).astype(float).reshape(-1, 1, 3)
+    x, y, z = np.moveaxis(np.asarray(rays, dtype=float), -1, 0)
+    off_rad = np.arctan2(np.hypot(y, z), x)
+    shown = off_rad <= lens.widest_rad
     x_px, y_px = np.full(x.shape, np.nan), np.full(x.shape, np.nan)
-    if len(points):
-        given, still = np.array(lens.distortion), np.zeros(3)
-        project = cv2.fisheye.projectPoints if lens.equidistant else cv2.projectPoints
-        found = project(points, still, still, lens.matrix, given)[0].reshape(-1, 2)
+    if shown.any():
+        right, down = -y[shown], -z[shown]
+        if lens.equidistant:  # OpenCV's own ends at 90 degrees from the axis
+            scale = lens.radius(off_rad[shown]) / np.maximum(np.hypot(right, down), 1e-12)
+            found = (
+                np.stack([right, down], axis=-1) * scale[:, None] * lens.focal_px + lens.middle_px
+            )
+        else:
+            points = np.stack([right, down, x[shown]], axis=-1).reshape(-1, 1, 3)
+            given, still = np.array(lens.distortion), np.zeros(3)
+            found = cv2.projectPoints(points, still, still, lens.matrix, given)[0].reshape(-1, 2)
         scale = np.array(size_px) / np.array(lens.size_px)
         x_px[shown], y_px[shown] = ((found + 0.5) * scale - 0.5).T
     return x_px, y_px

@@ -1,7 +1,7 @@
 """Cameras resampled into a rig: how many pixels it needs, and which camera shows each of them."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import cv2
@@ -17,6 +17,9 @@ _VIEWS, _FIELD_OF_VIEW_DEG = 8, 60.0
 _EDGE_PX = 0.51  # beyond the middle of the outermost pixel, and what rounding adds
 _STEP_RAD = 1e-3  # over which pixels a radian are measured
 _LOW = 10  # percentile: pixels a radian rise towards a flat picture's edges
+
+Source = tuple[int, NDArray[np.float32], NDArray[np.float32], NDArray[np.uint8]]
+"""A camera's number, its pixels x and y of a view's rays, and 1 where it is the one that counts."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,21 +61,39 @@ def resampled(cameras: Sequence[Camera], rig: CameraRig) -> Panorama:
 
     Of several cameras the one whose axis is nearest counts. What none sees is black, and masked.
     """
-    shape = rig.n_views, rig.height_px, rig.width_px
-    views, seen = np.zeros((*shape, 3), dtype=np.uint8), np.zeros(shape, dtype=bool)
-    for view, shown, rays in zip(views, seen, rig.ray_directions(), strict=True):
-        nearest = np.full(shape[1:], -2.0)
-        for camera in cameras:
+    return drawn([camera.picture for camera in cameras], sources_of(cameras, rig), rig)
+
+
+def sources_of(cameras: Sequence[Camera], rig: CameraRig) -> Iterator[list[Source]]:
+    """Of each of the rig's views in turn, the cameras that it is drawn of."""
+    for rays in rig.ray_directions():
+        nearest, owner = np.full(rays.shape[:2], -2.0), np.full(rays.shape[:2], -1)
+        found = []
+        for number, camera in enumerate(cameras):
             x_px, y_px, own = camera.pixels_of(rays)
             ahead = rays @ camera.turn[:, 0]
             own &= ahead > nearest
-            x_px, y_px = (np.nan_to_num(p).astype(np.float32) for p in (x_px, y_px))
-            found = cv2.remap(
-                camera.picture, x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
-            )
-            np.copyto(view, found.astype(np.uint8), where=own[..., None])
             np.copyto(nearest, ahead, where=own)
-            shown |= own
+            owner[own] = number
+            pixels = (np.nan_to_num(p).astype(np.float32) for p in (x_px, y_px))
+            if own.any():
+                found.append((number, *pixels))
+        yield [(k, x, y, (owner == k).astype(np.uint8)) for k, x, y in found if (owner == k).any()]
+
+
+def drawn(
+    pictures: Sequence[NDArray[np.uint8]], sources: Iterable[list[Source]], rig: CameraRig
+) -> Panorama:
+    """The panorama that is drawn of these pictures, one of each camera."""
+    shape = rig.n_views, rig.height_px, rig.width_px
+    views, seen = np.zeros((*shape, 3), dtype=np.uint8), np.zeros(shape, dtype=bool)
+    for view, shown, parts in zip(views, seen, sources, strict=True):
+        for camera, x_px, y_px, own in parts:
+            found = cv2.remap(
+                pictures[camera], x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_WRAP
+            )
+            cv2.copyTo(found, own, view)
+            shown |= own.astype(bool)
     return Panorama(rig, views, None if seen.all() else seen)
 
 

@@ -10,22 +10,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import BagError, ImageError
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import (
     COMPRESSED,
     IMAGE,
     INFO,
     ODOMETRY,
+    POSE,
     SCAN,
     TF,
     opened,
     rgb_of,
     stamp_ns,
 )
-from vrchain.ros.storage import Message, messages
+from vrchain.ros.storage import messages
 
 Times = NDArray[np.int64]
 
+OF_TF = " of tf"  # ends the name of a way that transforms tell
 _TRIED = 20  # pictures, for one that can be read
+_FRAMES = 10_000  # of transforms; a robot has hundreds
 _APART_NS = 1_000_000_000  # of a stamp from when it was received, more than before: it is wrong
 
 
@@ -91,6 +95,8 @@ def contents_of(
         topic.count += 1
         try:
             keep(found, topic, message)
+            if message.type == TF:
+                _keep_way(found, message)
         except BagError:
             topic.broken += 1
     for topic in found.topics.values():
@@ -106,24 +112,40 @@ def keep(found: Contents, topic: Topic, message: Message) -> None:
     if message.type == TF:
         for told in opened(message).transforms:
             child = told.child_frame_id.lstrip("/")
+            if child in found.transforms or len(found.transforms) >= _FRAMES:
+                continue
             pose = matrix_of(told.transform.translation, told.transform.rotation)
             if pose is not None:
-                found.transforms.setdefault(child, (told.header.frame_id.lstrip("/"), pose))
+                found.transforms[child] = told.header.frame_id.lstrip("/"), pose
     elif message.type == INFO:
         info = opened(message)
         if topic.first is None or not any(focal_lengths(topic.first)):
             topic.first = info
     elif message.type == SCAN:
         topic.first = topic.first or opened(message)
-    elif message.type == ODOMETRY:
-        topic.first = odometry = opened(message)
-        position, orientation = odometry.pose.pose.position, odometry.pose.pose.orientation
-        topic.poses.extend((position.x, position.y, yaw_of(orientation)))
+    elif message.type in (ODOMETRY, POSE):
+        topic.first = told = opened(message)
+        pose = told.pose.pose if message.type == ODOMETRY else told.pose
+        topic.poses.extend((pose.position.x, pose.position.y, yaw_of(pose.orientation)))
         _keep_times(topic, message)
     elif message.type in (IMAGE, COMPRESSED):
         _keep_times(topic, message)
         if topic.first is None or (topic.trouble and topic.count < _TRIED):
             _first_picture(topic, message)
+
+
+def _keep_way(found: Contents, message: Message) -> None:
+    """How transforms move a robot, as if it were a topic: from frames that end in ``odom``."""
+    for told in opened(message).transforms:
+        frame = told.header.frame_id.lstrip("/")
+        if frame.rpartition("/")[2] == "odom":
+            topic = found.topics.setdefault(f"/{frame}{OF_TF}", Topic(f"/{frame}{OF_TF}", TF))
+            place, stamp = told.transform.translation, told.header.stamp
+            topic.first = told
+            topic.count += 1
+            topic.poses.extend((place.x, place.y, yaw_of(told.transform.rotation)))
+            topic.stamps_ns.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
+            topic.received_ns.append(message.received_ns)
 
 
 def _keep_times(topic: Topic, message: Message) -> None:

@@ -18,6 +18,7 @@ from vrchain.geometry import Pose, placed, relative
 from vrchain.panorama import Panorama
 from vrchain.robot import STOP, UNSEEN_M, Drive, Observation
 from vrchain.ros.contents import Contents, Topic, keep, yaw_of
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import (
     COMPRESSED,
     IMAGE,
@@ -31,14 +32,12 @@ from vrchain.ros.messages import (
 )
 from vrchain.ros.robots import Way, is_jump, robot_in
 from vrchain.ros.ros1 import Ros1
-from vrchain.ros.storage import Message
 from vrchain.ros.telling import Messages
 from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 
 TWIST = "geometry_msgs/msg/Twist"
 _KEPT = 300  # poses of odometry
 _SAID_EVERY_S = 0.1  # a command, while it is driven
-PATIENCE_S = 20.0  # for what a robot is to say
 
 
 class LiveRobot:
@@ -56,7 +55,7 @@ class LiveRobot:
         rig: Mapping[str, Any],
         slop_s: float,
         jumped: Callable[[], None] = lambda: None,
-        patience_s: float = PATIENCE_S,
+        patience_s: float = 20.0,
     ) -> None:
         self._ros, self._name, self._slop_ns = ros, name, round(slop_s * 1e9)
         self.jumped, self._patience_s = jumped, patience_s
@@ -178,7 +177,12 @@ class LiveRobot:
         else:
             panorama = self._seen_by.ring.panorama(images)
             if view is not None:
-                panorama = Panorama(replace(rig, n_views=1), panorama.views[view : view + 1])
+                one, seen = slice(view, view + 1), panorama.seen
+                panorama = Panorama(
+                    replace(rig, n_views=1),
+                    panorama.views[one],
+                    None if seen is None else seen[one],
+                )
         with self._changed:
             way = Way(
                 np.array([t for t, _ in self._poses]),

@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import BagError, ImageError
-from vrchain.ros.storage import Message
+from vrchain.ros.formats import Message
 
 ODOMETRY = "nav_msgs/msg/Odometry"
+POSE = "geometry_msgs/msg/PoseStamped"
 INFO = "sensor_msgs/msg/CameraInfo"
 IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
@@ -115,7 +116,8 @@ def _plain(image: Any, label: str) -> NDArray[np.uint8]:
         raise ImageError(f"expected an encoding of {known} (8 or 16), got {label!r}")
     channels = 1 if bayer or name in _PLANES else _CHANNELS.get(name, 2)
     rows = height * 3 // 2 if name in _PLANES else height
-    used, step = width * channels * wide, image.step or width * channels * wide
+    used = width * channels * wide
+    step = image.step if image.step and rows > 1 else used
     if not (width and height) or step < used or len(image.data) < step * (rows - 1) + used:
         raise ImageError(
             f"encoding {label!r} of {width} x {height} pixels takes {used * rows} bytes, got "

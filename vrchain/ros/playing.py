@@ -4,11 +4,10 @@ import time
 from collections.abc import Callable
 from threading import Lock
 
-from vrchain.geometry import Pose
 from vrchain.robot import STOP, Drive
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import IMAGE, INFO, ODOMETRY, SCAN, TF, opened
 from vrchain.ros.ros1 import Ros1
-from vrchain.ros.storage import Message
 from vrchain.ros.telling import Messages, RobotTopics
 from vrchain.simulation.simulator import Simulator
 
@@ -16,6 +15,7 @@ _STEP_S = 0.1  # between two messages of odometry
 _DRIVES_ON_S = 0.4  # after a command, as a robot's own watchdog has it
 _SHOWS_EVERY_S = 0.3
 _INFORMS_EVERY_S = 1.0
+_LEFT_S = 5.0  # since nobody listens to odometry any more
 
 
 class PlayedRobot:
@@ -47,11 +47,17 @@ class PlayedRobot:
             self._command = Drive(float(twist.linear.x), float(twist.angular.z))
             self._until_s = time.monotonic() + _DRIVES_ON_S
 
-    def run(self, goes_on: Callable[[Pose], bool]) -> None:
-        """Play until ``goes_on``, given its true pose, says no. Time is real, or slower."""
-        shown_s = informed_s = 0.0
-        while goes_on(self._simulator.pose(self._name)):
+    def run(self, goes_on: Callable[[bool], bool]) -> None:
+        """Play until ``goes_on``, told whether who drove it has left, says no.
+
+        Time is real, or slower.
+        """
+        shown_s = informed_s = heard_s = 0.0
+        odometry = self._said[f"/{self._name}/odom"]
+        while goes_on(self._until_s > 0 and time.monotonic() - heard_s > _LEFT_S):
             began_s = time.monotonic()
+            if odometry.heard:
+                heard_s = began_s
             with self._lock:
                 command = self._command if began_s < self._until_s else STOP
             self._simulator.step({self._name: command}, _STEP_S)

@@ -4,8 +4,9 @@ The first reading tells when to look; the second opens the pictures of those loo
 published before a break is found in the ledger, and the same call goes on from there.
 """
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
@@ -18,11 +19,13 @@ from vrchain.panorama.panorama import pack
 from vrchain.publisher import LOOK_EVERY_M, Examine, Publication, Publisher, look_due
 from vrchain.robot import Observation, UpdateRules
 from vrchain.ros.contents import contents_of
+from vrchain.ros.formats import Message
 from vrchain.ros.messages import is_jpeg, opened, rgb_of
 from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
-from vrchain.ros.storage import Message, messages
+from vrchain.ros.storage import messages
 
 SLOP_S = 0.05
+_TRIES = 3  # of later moments, where a look's pictures are broken
 
 Tell = Callable[[str], None]
 
@@ -36,6 +39,15 @@ class Look:
 
 
 @dataclass(eq=False)
+class _Pictures:
+    """Of each topic, messages by number: who asked for them, for which look and camera; and the
+    number of the last one that was read."""
+
+    asked: dict[str, dict[int, list[tuple["_Player", int, int]]]]
+    seen: dict[str, int]
+
+
+@dataclass(eq=False)
 class _Player:
     """One robot's recording, played to its publisher look by look."""
 
@@ -44,9 +56,11 @@ class _Player:
     ledger: Ledger
     tell: Tell
     looks: list[Look]
+    pictures: "_Pictures"
     pending: list[dict[int, Message]] = field(default_factory=list)
     next: int = 0
     told: int = 0  # messages of odometry that the publisher has been shown
+    tries: int = 0  # of moments for one look
     broken: int = 0
     earlier: int = 0
     publications: list[Publication] = field(default_factory=list)
@@ -55,59 +69,75 @@ class _Player:
         self.pending = [{} for _ in self.looks]
         self._jumps = list(self.recorded.way.jumps_ns)
         self._resume()
+        for topic in self.recorded.topics:
+            self.pictures.asked.setdefault(topic, {})
+        for look in range(self.next, len(self.looks)):
+            self.ask(look)
 
     def _resume(self) -> None:
         """Go on after what the ledger holds of this robot."""
         last = self.ledger.latest(self.publisher.robot)
         if last is None:
             return
-        while self.next < len(self.looks) and self._moment.time_ns <= last.timestamp_ns:
-            look = self.looks[self.next]
-            self.next += 1
-            if look.moment.time_ns == last.timestamp_ns:
-                panorama = Panorama.decode(self.ledger.payload(last.payload_digest))
-                self._drive_to(look.moment.time_ns)
-                seen = _observation(look, panorama)
-                self.publisher.remember(seen)
-        self.earlier = self.next
+        then_ns = last.timestamp_ns
+        self.earlier = self.next = sum(look.moment.time_ns <= then_ns for look in self.looks)
+        here = self.recorded.way.at(then_ns)
+        if here is not None and any(m.time_ns == then_ns for m in self.recorded.moments):
+            self._drive_to(then_ns)
+            self.publisher.resume(here)
 
-    @property
-    def _moment(self) -> Moment:
-        return self.looks[self.next].moment
-
-    def wanted(self) -> Iterator[tuple[str, int, int, int]]:
-        """Topic and number of each message that is still needed, its look and camera."""
-        for k in range(self.next, len(self.looks)):
-            for camera, number in enumerate(self.looks[k].moment.numbers):
-                yield self.recorded.topics[camera], number, k, camera
+    def ask(self, look: int) -> None:
+        """Ask for the pictures of a look."""
+        numbers = self.looks[look].moment.numbers
+        for camera, (topic, number) in enumerate(zip(self.recorded.topics, numbers, strict=True)):
+            self.pictures.asked[topic].setdefault(number, []).append((self, look, camera))
 
     def take(self, look: int, camera: int, message: Message) -> None:
         """A picture; publishes what is complete by it, in the order of time."""
         self.pending[look][camera] = message
-        while self.next < len(self.looks) and len(self.pending[self.next]) == len(
-            self.recorded.topics
-        ):
+        cameras = range(len(self.recorded.topics))
+        while self.next < len(self.looks) and len(self.pending[self.next]) == len(cameras):
             coded, self.pending[self.next] = self.pending[self.next], {}
-            look_now = self.looks[self.next]
-            self.next += 1
-            self._look(look_now, [coded[k] for k in range(len(coded))])
+            if self._look(self.looks[self.next], [coded[k] for k in cameras]):
+                self.next, self.tries = self.next + 1, 0
 
     def played(self) -> "Played":
         """What came of it, in the end."""
         told = (self.publisher.robot, len(self.looks), self.broken, self.earlier)
         return Played(*told, tuple(self.publications))
 
-    def _look(self, look: Look, coded: Sequence[Message]) -> None:
+    def _look(self, look: Look, coded: Sequence[Message]) -> bool:
+        """Whether that look is done; if its pictures are broken, those of the next moment serve."""
         try:
             panorama, blob = self._panorama(coded)
         except (BagError, ImageError) as error:
-            self.broken += 1
             self.tell(f"{self.publisher.robot} at {look.moment.time_ns / 1e9:.2f} s: {error}")
-            return
+            later = self._later(look) if self.tries < _TRIES else None
+            if later is None:
+                self.broken += 1
+                return True
+            self.looks[self.next], self.tries = later, self.tries + 1
+            self.ask(self.next)
+            return False
         self._drive_to(look.moment.time_ns)
         _, published = self.publisher.looked(_observation(look, panorama), blob)
         if published is not None:
             self.publications.append(published)
+        return True
+
+    def _later(self, look: Look) -> Look | None:
+        """The next moment before the next look, of pictures that are still to come."""
+        following = self.looks[self.next + 1 : self.next + 2]
+        for moment in self.recorded.moments:
+            if moment.time_ns <= look.moment.time_ns:
+                continue
+            if following and moment.time_ns >= following[0].moment.time_ns:
+                break
+            told = zip(self.recorded.topics, moment.numbers, strict=True)
+            pose = self.recorded.way.at(moment.time_ns)
+            if pose is not None and all(number > self.pictures.seen[t] for t, number in told):
+                return Look(moment, pose)
+        return None
 
     def _panorama(self, coded: Sequence[Message]) -> tuple[Panorama, bytes | None]:
         recorded, images = self.recorded, [opened(message) for message in coded]
@@ -119,9 +149,10 @@ class _Player:
                 picture = rgb_of(image, label)
             except ImageError as error:
                 raise ImageError(f"{topic}: {error}") from error
-            if picture.shape[:2] != (camera.height_px, camera.width_px):
+            width_px, height_px = camera.lens.size_px
+            if picture.shape[:2] != (height_px, width_px):
                 raise ImageError(
-                    f"{topic}: expected {camera.width_px} x {camera.height_px} pixels, got "
+                    f"{topic}: expected {width_px} x {height_px} pixels, got "
                     f"{picture.shape[1]} x {picture.shape[0]}"
                 )
             pictures.append(picture)
@@ -197,8 +228,10 @@ def publish_bags(
     given a line for each thing that is mended or left out. BagError before anything is published;
     the ledger's errors as ``Ledger.publish``; what was published before stays.
     """
+    _check_apart(robots)
     contents, told = contents_of(bags, tell), load_rig(rig)
     rules = rules or UpdateRules()
+    pictures = _Pictures({}, {})
     players = []
     for name, namespace in robots.items():
         recorded = robot_in(contents, name, namespace, told, slop_s, tell)
@@ -206,15 +239,19 @@ def publish_bags(
         if not looks:
             raise BagError(f"{name}: no moment has both pictures and odometry within 1 s of them")
         publisher = Publisher(name, ledger, keys[name], rules, examine)
-        players.append(_Player(recorded, publisher, ledger, tell, looks))
+        players.append(_Player(recorded, publisher, ledger, tell, looks, pictures))
     del contents
-    wanted: dict[str, dict[int, list[tuple[_Player, int, int]]]] = {}
-    for player in players:
-        for topic, number, look, camera in player.wanted():
-            wanted.setdefault(topic, {}).setdefault(number, []).append((player, look, camera))
-    seen = dict.fromkeys(wanted, -1)
+    seen = pictures.seen = dict.fromkeys(pictures.asked, -1)
     for message in messages(bags, seen.__contains__):
         seen[message.topic] += 1
-        for player, look, camera in wanted[message.topic].pop(seen[message.topic], ()):
+        for player, look, camera in pictures.asked[message.topic].pop(seen[message.topic], ()):
             player.take(look, camera, message)
     return [player.played() for player in players]
+
+
+def _check_apart(robots: Mapping[str, str]) -> None:
+    """BagError if two robots would be told by the same topics."""
+    for (one, own), (other, second) in combinations(robots.items(), 2):
+        begin, end = sorted((own.rstrip("/") + "/", second.rstrip("/") + "/"), key=len)
+        if end.startswith(begin):
+            raise BagError(f"{one} and {other}: expected namespaces apart, got {own} and {second}")

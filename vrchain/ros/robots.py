@@ -1,7 +1,7 @@
 """One robot in bags: its way by odometry, its cameras, and when all of them show one moment."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -11,8 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import BagError
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
-from vrchain.ros.cameras import Camera, Ring, camera_from_rig, camera_of, pose_from_rig, ring_of
-from vrchain.ros.contents import Contents, Times, Topic, clocked
+from vrchain.ros.cameras import Camera, Ring, camera_from_rig, lens_in, pose_from_rig, ring_of
+from vrchain.ros.contents import OF_TF, Contents, Times, Topic, clocked
 from vrchain.ros.messages import COMPRESSED, IMAGE, INFO, ODOMETRY
 
 _JUMP_M, _JUMP_M_S = 1.0, 3.0  # farther than that, nobody drove: odometry was set anew
@@ -79,8 +79,11 @@ class Recorded:
         rig, steps = self.ring.rig, np.diff(self.way.poses[:, :2], axis=0)
         driven_m = float(np.hypot(*steps.T).sum())
         made = "as they are" if self.ring.exact else "resampled"
+        if self.ring.seen_deg < 360:
+            made += f", of which {self.ring.seen_deg:.0f} of 360 degrees are seen"
         return {
-            "rig": asdict(rig), "exact": self.ring.exact, "moments": len(self.moments),
+            "rig": asdict(rig), "exact": self.ring.exact, "seen_deg": self.ring.seen_deg,
+            "moments": len(self.moments),
             "driven_m": round(driven_m, 2),
             "text": f"{len(self.moments)} moments, {driven_m:.1f} m by odometry; "
             f"{rig.n_views} views of {rig.width_px} x {rig.height_px} pixels and "
@@ -125,7 +128,7 @@ def robot_in(
     if not own:
         some = ", ".join(sorted({t.split("/")[1] for t in contents.topics})[:8])
         raise BagError(f"{name}: no topic begins with {prefix}; there are /{some}: see bag info")
-    odometry = _odometry(name, prefix, own, rig, tell)
+    odometry = _odometry(name, prefix, contents, own, rig, tell)
     way, offset_ns = _way(odometry, tell)
     chosen = _camera_topics(name, prefix, own, rig, tell)
     base = _base(contents, odometry, [topic for topic, _ in chosen])
@@ -153,11 +156,22 @@ def robots_in(contents: Contents) -> dict[str, str]:
 
 
 def _odometry(
-    name: str, prefix: str, own: Mapping[str, Topic], rig: Mapping[str, Any], tell: Tell
+    name: str,
+    prefix: str,
+    contents: Contents,
+    own: Mapping[str, Topic],
+    rig: Mapping[str, Any],
+    tell: Tell,
 ) -> Topic:
-    told = [prefix + str(rig["odometry"]).lstrip("/")] if "odometry" in rig else None
-    found = [t for t in own.values() if t.type == ODOMETRY and t.poses]
-    asked = [t for t in found if told is None or t.name in told]
+    """What the rig names, odometry or poses; else odometry; else what transforms tell."""
+    found = [t for t in own.values() if t.poses and not t.name.endswith(OF_TF)]
+    if "odometry" in rig:
+        asked = [t for t in found if t.name == prefix + str(rig["odometry"]).lstrip("/")]
+    else:
+        asked = [t for t in found if t.type == ODOMETRY]
+        moved = [contents.topics.get(f"{p}odom{OF_TF}") for p in (prefix, "/")]
+        if not asked and (asked := [t for t in moved if t is not None and t.poses][:1]):
+            tell(f"{name}: no {ODOMETRY} was recorded: transforms from {asked[0].name} are used")
     if not asked:
         there = ", ".join(t.name for t in found) or "none"
         raise BagError(f"{name}: expected {ODOMETRY} under {prefix}, there is {there}: record it")
@@ -249,7 +263,7 @@ def _is_depth(topic: Topic) -> bool:
 
 def _base(contents: Contents, odometry: Topic, cameras: Sequence[Topic]) -> str:
     """The robot's own frame: the one that odometry moves, or a usual one."""
-    child = odometry.first.child_frame_id.lstrip("/")
+    child = getattr(odometry.first, "child_frame_id", "").lstrip("/")
     known = {*contents.transforms, *(parent for parent, _ in contents.transforms.values())}
     prefixes = {topic.frame.rpartition("/")[0] for topic in cameras}
     usual = [f"{p}/{b}".lstrip("/") for p in sorted(prefixes) for b in _BASES]
@@ -265,9 +279,9 @@ def _camera(
     if info is None or info.first is None:
         raise BagError(f"{topic.name}: no camera_info was recorded for it: give --rig")
     rectified = "rect" in topic.name.removesuffix("/compressed").rpartition("/")[2]
-    camera = camera_of(topic.name, info.first, *topic.size_px, rectified)
+    lens = lens_in(topic.name, info.first, topic.size_px, rectified)
     if "bearing_deg" in told:
-        return replace(camera, pose=pose_from_rig(told))
+        return Camera(topic.name, lens, pose_from_rig(told))
     frame = topic.frame or info.frame
     pose = contents.pose_in(frame, base)
     if pose is None:
@@ -275,7 +289,7 @@ def _camera(
             f"{topic.name}: no transform leads from {frame or 'its unnamed frame'} to {base}: give "
             "the bag's first part too, which holds tf_static, or --rig with bearing_deg"
         )
-    return replace(camera, pose=pose)
+    return Camera(topic.name, lens, pose)
 
 
 def _shared_clock(topic: Topic, offset_ns: int, tell: Tell) -> Times:

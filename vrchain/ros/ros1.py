@@ -14,8 +14,8 @@ from typing import Any
 
 from vrchain.errors import BagError
 from vrchain.extras import require
+from vrchain.ros.formats import Message, type_named
 from vrchain.ros.messages import typestore
-from vrchain.ros.storage import Message, type_named
 
 _PLACES = ("/opt/ros/noetic/lib/python3/dist-packages", "/usr/lib/python3/dist-packages")
 
