@@ -66,7 +66,7 @@ def test_another_goes_on_from_what_was_published(tmp_path: Path) -> None:
         seen, _ = publisher(ledger).looked(at(0.0))
         heir = publisher(ledger)
         assert heir.wants_look(at(0.0))
-        heir.remember(seen)
+        heir.resume(seen.odometry)
         assert not heir.wants_look(at(2.0, 1)) and heir.wants_look(at(2.6, 1))
         assert heir.looked(at(2.0, 1))[1] is None
         assert heir.looked(at(4.0, 2))[1] is not None

@@ -51,7 +51,7 @@ def test_home_lies_where_it_says_though_the_cameras_are_tilted(tilt_deg: float) 
 
 
 def test_what_is_tilted_farther_than_15_degrees_is_refused() -> None:
-    """The tilt is as found from the matches, which may be a little less; then the answer is right."""
+    """As found from matches, which may be a little less; then the answer is right."""
     vectors = [step("epipolar", sight(here, 16.0, 1.7 * k), sight(HOME, 16.0, 2.5))
                for k, here in enumerate(STARTS)]  # fmt: skip
     assert sum(vector is None for vector in vectors) >= 3
