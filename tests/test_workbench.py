@@ -37,6 +37,34 @@ def test_panoramas_folders_and_photographs_are_compared(tmp_path: Path) -> None:
         vr.common_landmarks(a, tmp_path / "b.png")
 
 
+def test_why_tells_each_stage_of_panoramas_and_of_files(tmp_path: Path) -> None:
+    a, b = (look(pose) for pose in POSES)
+    told = vr.why(a, b)
+    assert told.index[0] == "proposed" and told.index[-1] == "answer"
+    (tmp_path / "a.png").write_bytes(encode_png(a.cylinder))
+    photographs = vr.why(tmp_path / "a.png", tmp_path / "a.png")
+    assert list(photographs.index) == ["found", "match", "agree", "answer"]
+    with pytest.raises(ImageError, match="got one of each"):
+        vr.why(a, tmp_path / "a.png")
+
+
+def test_a_database_is_loaded_with_its_poses(tmp_path: Path) -> None:
+    for name, pose in zip("ab", POSES, strict=True):
+        (tmp_path / f"{name}.jpg").write_bytes(vr.equirectangular_jpeg(look(pose)))
+    rows = [
+        f"{n}.jpg,{p.x_m},{p.y_m},{np.degrees(p.yaw_rad)}"
+        for n, p in zip("ba", POSES[::-1], strict=True)
+    ]
+    (tmp_path / "poses.csv").write_text("\n".join(["filename,x_m,y_m,heading_deg", *rows]))
+    loaded = vr.load_database(tmp_path, vr.Source(camera_height_m=1.4))
+    for (pose, panorama), expected in zip(loaded, POSES[::-1], strict=True):
+        assert pose.distance_to_m(expected.xy_m) == 0
+        assert pose.yaw_rad == pytest.approx(expected.yaw_rad)
+        assert panorama.rig == loaded[0][1].rig and panorama.rig.camera_height_m == 1.4
+    with pytest.raises(ImageError, match="no floor 2"):
+        vr.load_database(tmp_path, floor="2")
+
+
 def test_home_is_where_the_named_method_says() -> None:
     here, home = (look(pose) for pose in POSES)
     for method in ("epipolar", "warping"):

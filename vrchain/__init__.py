@@ -32,7 +32,10 @@ if TYPE_CHECKING:
     from vrchain.navigation.settings import MissionConfig as MissionConfig
     from vrchain.panorama import CameraRig as CameraRig
     from vrchain.panorama import Panorama as Panorama
+    from vrchain.panorama import import_panorama as import_panorama
     from vrchain.panorama import view_change as view_change
+    from vrchain.panorama.cameras import Source as Source
+    from vrchain.panorama.spheres import equirectangular_jpeg as equirectangular_jpeg
     from vrchain.paths import SCENES as SCENES
     from vrchain.simulation.mission import run_mission as run_mission
     from vrchain.simulation.sightings import team_sightings as team_sightings
@@ -41,7 +44,9 @@ if TYPE_CHECKING:
     from vrchain.workbench import common_landmarks as common_landmarks
     from vrchain.workbench import figure as figure
     from vrchain.workbench import home_vector as home_vector
+    from vrchain.workbench import load_database as load_database
     from vrchain.workbench import reproduced as reproduced
+    from vrchain.workbench import why as why
     from vrchain.world import Scene as Scene
     from vrchain.world import load_scene as load_scene
     from vrchain.world.render import Renderer as Renderer
@@ -62,13 +67,17 @@ _HOMES = {
     "Results": "experiments.reproduction.results",
     "SCENES": "paths",
     "Scene": "world",
+    "Source": "panorama.cameras",
     "VRChainError": "errors",
     "Variant": "landmarks.matching.variants",
     "common_landmarks": "workbench",
     "draw_pairs": "experiments.landmarks.pairs",
     "entry_json": "ledger.export",
+    "equirectangular_jpeg": "panorama.spheres",
     "figure": "workbench",
     "home_vector": "workbench",
+    "import_panorama": "panorama",
+    "load_database": "workbench",
     "load_scene": "world",
     "plots": "",
     "random_key": "ledger",
@@ -82,6 +91,7 @@ _HOMES = {
     "verify_proof": "ledger",
     "view": "viewer",
     "view_change": "panorama",
+    "why": "workbench",
 }
 __all__ = list(_HOMES)
 if not TYPE_CHECKING:  # or every name would be known

@@ -11,16 +11,21 @@ from vrchain.experiments.reproduction.results import Results
 from vrchain.experiments.reproduction.stages import STAGES, reproduce
 from vrchain.geometry import Pose
 from vrchain.homing import HomeVector, snapshot, step
+from vrchain.landmarks.extraction.record import examine
 from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.matching.common import check_comparable
 from vrchain.landmarks.matching.photos import FileComparison, landmarks_of_files
 from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 from vrchain.landmarks.quality import judge
 from vrchain.panorama import Panorama
+from vrchain.panorama.databases import on_floor, opened, read_database
+from vrchain.panorama.sources import Source
 from vrchain.world.truth import GroundTruth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+_ONE_OF_EACH = "expected two panoramas, or two files or folders, got one of each"
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,9 +78,39 @@ def common_landmarks(
         pictures = left.cylinder, right.cylinder
         return CommonLandmarks(chosen.compare(*looks), *pictures, left.rig, keypoints)
     if isinstance(a, Panorama) or isinstance(b, Panorama):
-        raise ImageError("expected two panoramas, or two files or folders, got one of each")
+        raise ImageError(_ONE_OF_EACH)
     found = landmarks_of_files(a, b, variant)
     return CommonLandmarks(found.comparison, found.a_rgb, found.b_rgb, found.rig)
+
+
+def why(a: Panorama | str | Path, b: Panorama | str | Path) -> pd.DataFrame:
+    """What each stage found when two panoramas, or two photographs, were compared: a row a stage.
+
+    Given as to ``common_landmarks``; the last row is the answer, and why there is no more.
+    """
+    from vrchain.landmarks.matching.why import why_files, why_panoramas
+
+    left, right = _opened(a), _opened(b)
+    if isinstance(left, Panorama) and isinstance(right, Panorama):
+        check_comparable(left, right)
+        told = why_panoramas(examine(left), examine(right))
+    elif isinstance(left, Panorama) or isinstance(right, Panorama):
+        raise ImageError(_ONE_OF_EACH)
+    else:
+        told = why_files(left, right)
+    return pd.DataFrame(list(told), columns=["stage", "found"]).set_index("stage")
+
+
+def load_database(
+    folder: str | Path, source: Source | None = None, floor: str | None = None
+) -> list[tuple[Pose, Panorama]]:
+    """The panoramas of an image database, each with the pose that it was taken from, in its order.
+
+    source: how to read the pictures, instead of what the database tells. floor: of a house whose
+    floors have a frame each. ImageError, which names file and row: what cannot be read.
+    """
+    entries = on_floor(read_database(Path(folder)), floor)
+    return [(entry.pose, panorama) for entry, panorama in opened(entries, source)]
 
 
 def _opened(picture: Panorama | str | Path) -> Panorama | Path:
