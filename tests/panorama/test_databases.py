@@ -136,9 +136,16 @@ def test_how_headings_count(
 @pytest.mark.parametrize("heading_deg", [219.97, 230.03])
 def test_a_routes_headings_look_along_its_way(tmp_path: Path, heading_deg: float) -> None:
     """Both ways of counting are in use; which one it is shows on the way."""
-    rows = "".join(f"{k}.png,{-0.642 * k},{-0.766 * k},{heading_deg}\n" for k in range(3))
-    yaw_deg = math.degrees(read_database(plain(tmp_path, rows))[0].pose.yaw_rad)
+    rows = "".join(f"{-642 * k},{-766 * k},0,{heading_deg},{k}.png\n" for k in range(3))
+    entries = read_database(brains_on_board(tmp_path, f"{HEAD}\n{rows}", None))
+    yaw_deg = math.degrees(entries[0].pose.yaw_rad)
     assert yaw_deg == pytest.approx(230.03 - 360, abs=0.1)
+
+
+def test_headings_of_a_plain_table_are_never_guessed(tmp_path: Path) -> None:
+    rows = "".join(f"{k}.png,{-0.642 * k},{-0.766 * k},219.97\n" for k in range(3))
+    yaw_deg = math.degrees(read_database(plain(tmp_path, rows))[0].pose.yaw_rad)
+    assert yaw_deg == pytest.approx(219.97 - 360)
 
 
 def zind(folder: Path, **changed: object) -> Path:

@@ -50,9 +50,9 @@ _ALIKE_RAD = math.radians(20.0)  # headings that fit the way taken as well as th
 def read_database(folder: str | Path, headings: str | None = None) -> list[DatabaseEntry]:
     """The entries of an image database, in its order; the pictures themselves are not read.
 
-    headings: how a CSV's headings count, one of ``HEADINGS``. None: as the metadata say; without,
-    as a route's headings fit the way it takes; else anticlockwise from x. ImageError, which names
-    file and row: no database, a column or number is missing, a name that leaves the folder.
+    headings: how a CSV's headings count, one of ``HEADINGS``. None: of the plain CSV anticlockwise
+    from x; else as the metadata say; without, as a route's headings fit its way. ImageError, which
+    names file and row: no database, a column or number is missing, a name that leaves the folder.
     """
     folder = Path(folder)
     if headings not in (None, *HEADINGS):
@@ -115,7 +115,7 @@ def _plain(table: Path, headings: str | None) -> list[DatabaseEntry]:
     rows = list(rows_of(table, _PLAIN))
     yaws = [number(row, "heading_deg", where) for row, where in rows]
     places = [[number(row, c, where) for c in ("x_m", "y_m")] for row, where in rows]
-    told = headings or _headings_of_a_way(places, yaws)
+    told = headings or HEADINGS[0]
     known = (*_PLAIN, "height_m", "pitch_deg", "roll_deg")
     return [
         DatabaseEntry(
