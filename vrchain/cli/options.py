@@ -1,7 +1,7 @@
 """What several commands take and say: their options, and what is refused before any work."""
 
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -13,6 +13,7 @@ from vrchain.files import check_output_file
 from vrchain.paths import SCENES
 
 if TYPE_CHECKING:
+    from vrchain.navigation.settings import Decision
     from vrchain.world.spec import SceneSpec
 
 Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
@@ -61,3 +62,13 @@ def doing(what: str) -> Iterator[None]:
     finally:
         if at_terminal:
             print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+def teller(silent: bool) -> "Callable[[Decision], None]":
+    """What prints a mission's decisions as they are made, unless ``silent``."""
+
+    def tell(decision: "Decision") -> None:
+        if not silent:
+            print(f"{decision.time_s:7.1f} s  {decision.what:10} {decision.why}", flush=True)
+
+    return tell

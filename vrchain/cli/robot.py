@@ -12,7 +12,7 @@ import typer
 
 from vrchain.cli.bags import Rig, Slop, robots_told
 from vrchain.cli.ledger_keys import key_of
-from vrchain.cli.options import Folder, Json, Spec, doing
+from vrchain.cli.options import Folder, Json, Spec, doing, teller
 from vrchain.errors import BagError
 from vrchain.files import check_output_folder, output_folder
 
@@ -51,17 +51,12 @@ def run(
     from vrchain.navigation.goal.recognition import goal_from
     from vrchain.navigation.mission import drive_mission
     from vrchain.navigation.perception import learned_perception
-    from vrchain.navigation.settings import Decision
     from vrchain.panorama import Panorama
     from vrchain.publisher import Publication, Publisher, PublishingBody
     from vrchain.ros.live import LiveRobot
     from vrchain.ros.robots import load_rig
     from vrchain.ros.ros1 import Ros1
     from vrchain.simulation.mission import index_of, published_of
-
-    def tell(decision: Decision) -> None:
-        if not as_json:
-            print(f"{decision.time_s:7.1f} s  {decision.what:10} {decision.why}", flush=True)
 
     if not ros:
         raise BagError("expected --ros, the only robots that can be driven so far")
@@ -90,7 +85,9 @@ def run(
                     return newest()
 
                 shown = goal_from(pictures, SHIPPED)
-                result = drive_mission(name, body, published, index, shown, perception, tell=tell)
+                result = drive_mission(
+                    name, body, published, index, shown, perception, tell=teller(as_json)
+                )
                 summary |= {"arrived": result.arrived, "reason": result.reason}
             else:
                 _patrol(body, seconds, seed)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from vrchain.cli.options import Folder, Json, Spec, check_picture, doing, suburb_of
+from vrchain.cli.options import Folder, Json, Spec, check_picture, doing, suburb_of, teller
 from vrchain.errors import ImageError, OutputError
 from vrchain.files import check_output_folder, output_folder, write_file
 
@@ -145,16 +145,11 @@ def navigate(
     as_json: Json = False,
 ) -> None:
     """Send a robot to a goal out of its sight, by what the others put into the ledger."""
-    from vrchain.navigation.settings import Decision
     from vrchain.plots.missions import save_pictures
     from vrchain.plots.replay import mission_gif
     from vrchain.simulation import mission
     from vrchain.simulation.task import robot_names
     from vrchain.world import load_scene
-
-    def tell(decision: Decision) -> None:
-        if not as_json:
-            print(f"{decision.time_s:7.1f} s  {decision.what:10} {decision.why}", flush=True)
 
     check_output_folder(output, mission.MARKER)
     if suburb_of(spec):  # other scenes may have robots of their own
@@ -163,7 +158,13 @@ def navigate(
         scene = load_scene(spec)
     with output_folder(output, mission.MARKER) as folder:
         run = mission.run_mission(
-            scene, folder / "ledger", seed=seed, n_robots=robots, robot=robot, goal=goal, tell=tell
+            scene,
+            folder / "ledger",
+            seed=seed,
+            n_robots=robots,
+            robot=robot,
+            goal=goal,
+            tell=teller(as_json),
         )
         mission.save_log(run, folder)
         save_pictures(run, folder)

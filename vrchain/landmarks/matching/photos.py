@@ -218,6 +218,11 @@ def landmarks_of_files(
     if isinstance(left, Panorama) and isinstance(right, Panorama):
         found = compared(chosen or variant_named(variant), left, right)
         return FileComparison(found, left.cylinder, right.cylinder, left.rig)
+    return landmarks_of_views(left, right)
+
+
+def landmarks_of_views(left: Picture, right: Picture) -> FileComparison:
+    """Common landmarks of two pictures of which one, at least, is a photograph."""
     views_a, views_b = (
         list(image.views) if isinstance(image, Panorama) else [image] for image in (left, right)
     )

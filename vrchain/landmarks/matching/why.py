@@ -25,7 +25,7 @@ def why_files(a: str | Path, b: str | Path, model: str | None = None) -> Told:
     if isinstance(left, Panorama) and isinstance(right, Panorama):
         check_comparable(left, right)
         return why_panoramas(examine(left), examine(right))
-    found = photos.landmarks_of_files(a, b, model=model)
+    found = photos.landmarks_of_views(left, right)
     return why_photographs(photos.described(found.a_rgb), photos.described(found.b_rgb))
 
 
