@@ -107,7 +107,7 @@ def test_a_robot_is_driven_by_another_process(master: None) -> None:
         played.communicate()
     assert out, err
     told = json.loads(out.splitlines()[-1])
-    assert told["look"] and told["rig"] and told["glance"]
+    assert told["look"] and told["rig"] and told["glance"], told
     assert told["glance_rad"] == pytest.approx(np.pi / 2)
     assert told["ring_off_m"] < 0.15  # noise, and readings of float32
     assert 0.8 < told["driven_m"] < 1.6 and told["rolled_m"] < 0.01

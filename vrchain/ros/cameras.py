@@ -156,10 +156,10 @@ def _own_rig(ordered: Sequence[Camera], height_m: float) -> CameraRig | None:
     """The rig whose cameras these are, pixel by pixel; None if they are others."""
     first, n = ordered[0].lens, len(ordered)
     width_px, height_px = first.size_px
-    degrees = float(np.degrees(2 * np.arctan(width_px / 2 / first.focal_px[0])))
+    degrees = round(float(np.degrees(2 * np.arctan(width_px / 2 / first.focal_px[0]))), 6)
     if n * degrees < 360 or not 5 <= degrees <= 120:
         return None
-    rig = CameraRig(n, width_px, height_px, round(degrees, 6), height_m)
+    rig = CameraRig(n, width_px, height_px, degrees, height_m)
     x_px, y_px = np.meshgrid(np.arange(rig.width_px), np.arange(rig.height_px))
     for camera, rays in zip(ordered, rig.ray_directions(), strict=True):
         x, y, seen = camera.mounted.pixels_of(rays)

@@ -84,7 +84,8 @@ class LiveRobot:
                 keep(contents, topic, message)
 
         ends: dict[str, Callable[[], None]] = {}
-        until_s = time.monotonic() + self._patience_s
+        began_s = time.monotonic()
+        until_s, complete_s = began_s + self._patience_s, began_s + self._patience_s / 2
         lacks = f"{self._name}: nothing is published below {self._prefix}"
         try:
             while time.monotonic() < until_s:
@@ -98,6 +99,8 @@ class LiveRobot:
                 with self._changed:
                     if not any(topic.startswith(self._prefix) for topic in contents.topics):
                         continue
+                    if ends.keys() - contents.topics.keys() and time.monotonic() < complete_s:
+                        continue  # what is announced may still come: a camera too few is a hole
                     try:
                         found = robot_in(
                             contents, self._name, self._prefix, rig, max(slop_s, 3600.0)
