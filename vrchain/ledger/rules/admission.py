@@ -108,9 +108,14 @@ class Admission:
 
     def take(self) -> list[Offer]:
         """The next block's transactions, in the order in which they came; they wait no more."""
-        count = min(len(self._queue), self.limits.block_length)
-        taken = [self._queue.popleft()[1] for _ in range(count)]
-        self._queued_bytes -= sum(len(o.payload) + len(o.landmarks or b"") for o in taken)
+        taken, room = list[Offer](), self.limits.block_bytes
+        while self._queue and len(taken) < self.limits.block_length:
+            size = self._queue[0][1].size
+            if taken and size > room:
+                break
+            room -= size
+            self._queued_bytes -= size
+            taken.append(self._queue.popleft()[1])
         self._last = {offer.transaction.robot: offer.transaction for _, offer in self._queue}
         return taken
 

@@ -20,6 +20,7 @@ class Limits:
     queue_length: int = 256  # transactions that wait
     queue_bytes: int = 1 << 26  # their blobs
     block_length: int = 64  # transactions in one block
+    block_bytes: int = 7_000_000  # of its blobs, so that it travels as one message
     block_delay_ns: int = 200_000_000  # how long the first one waits for others
     sender_messages_per_s: float = 2.0  # that came to nothing, in the long run
     sender_burst: int = 20  # that came to nothing, at once; a new sender begins with one
