@@ -1,24 +1,37 @@
 """Servers for the tests, makers in a thread, and a way to be cut off from the network."""
 
 import contextlib
+import importlib.util
 import socket
 import threading
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import pytest
 from ledgers import KEYS
 
+from vrchain.errors import VRChainError
 from vrchain.ledger import Limits, SigningKey
-from vrchain.ledger.cluster.servers import Cluster
+from vrchain.ledger.cluster.servers import Cluster, find_server
 from vrchain.ledger.errors import LogError
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.maker import Maker
 from vrchain.ledger.network.opening import follow_servers
 from vrchain.ledger.network.stream import BLOCKS, OFFERS, Offers
+from vrchain.ledger.rules.limits import UNLIMITED
 
 PATIENCE_S = 60.0  # for what takes a second on a machine with nothing else to do
-NO_LIMITS = Limits(rate_per_s=1e6, burst=1 << 20, rate_bytes_per_s=1e12, burst_bytes=1 << 40)
+
+
+def skip_without_servers() -> None:
+    """Skip the test where the extra ``cluster`` is not installed."""
+    if importlib.util.find_spec("nats") is None:
+        pytest.skip("the extra `cluster` is not installed: nats-py")
+    try:
+        find_server()
+    except VRChainError as error:
+        pytest.skip(str(error))
 
 
 def eventually(met: Callable[[], object], what: str = "", timeout_s: float = PATIENCE_S) -> None:
@@ -45,7 +58,7 @@ def emptied(cluster: Cluster, key: SigningKey | None = None) -> None:
 
 @contextlib.contextmanager
 def making(
-    address: str, folder: Path, author: str = "R2", limits: Limits = NO_LIMITS, signs: bool = False
+    address: str, folder: Path, author: str = "R2", limits: Limits = UNLIMITED, signs: bool = False
 ) -> Iterator[Maker]:
     """A maker at work in a thread, with its own folder."""
     key = KEYS[author]

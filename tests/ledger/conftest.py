@@ -1,17 +1,15 @@
 """Ledgers that the tests of a folder share."""
 
-import importlib.util
 import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from clusters import emptied
+from clusters import emptied, skip_without_servers
 from ledgers import new_ledger, small_ledger
 
-from vrchain.errors import VRChainError
 from vrchain.ledger import Ledger
-from vrchain.ledger.cluster.servers import Cluster, find_server
+from vrchain.ledger.cluster.servers import Cluster
 
 
 @pytest.fixture
@@ -51,13 +49,3 @@ def servers(running: Cluster) -> Cluster:
     running.wait_ready()
     emptied(running)
     return running
-
-
-def skip_without_servers() -> None:
-    """Skip the test where the extra ``cluster`` is not installed."""
-    if importlib.util.find_spec("nats") is None:
-        pytest.skip("the extra `cluster` is not installed: nats-py")
-    try:
-        find_server()
-    except VRChainError as error:
-        pytest.skip(str(error))

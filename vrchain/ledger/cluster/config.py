@@ -10,12 +10,11 @@ from pathlib import Path
 from typing import Any
 
 from vrchain.ledger.network.connection import nkey, token
-from vrchain.ledger.network.stream import BLOCKS, MAKER, OFFERS, SAID
+from vrchain.ledger.network.stream import BLOCKS, HEADS, MAKER, OFFERS, SAID
 from vrchain.ledger.records.keys import PublicKey
 
 CLUSTER_NAME = "vrchain"
 _READS = (f"$JS.API.DIRECT.GET.{BLOCKS}", f"$JS.API.STREAM.INFO.{BLOCKS}")
-_HEADS = "head"  # where members tell each other what they hold
 
 
 @dataclass(frozen=True)
@@ -65,7 +64,7 @@ def _permissions(name: str, makes: bool) -> dict[str, Any]:
     own = token(name)
     publish = [
         f"{OFFERS}.{own}",
-        f"{_HEADS}.{own}",
+        f"{HEADS}.{own}",
         *_READS,
         f"$JS.API.STREAM.MSG.GET.{BLOCKS}",
         f"$JS.API.STREAM.INFO.{OFFERS}",
@@ -73,7 +72,7 @@ def _permissions(name: str, makes: bool) -> dict[str, Any]:
     if makes:
         publish += [BLOCKS, f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"]
         publish += [f"$JS.ACK.{OFFERS}.{MAKER}.>"]
-    subscribe = [f"_INBOX.{own}.>", SAID, f"{_HEADS}.*"]
+    subscribe = [f"_INBOX.{own}.>", SAID, f"{HEADS}.*"]
     return {"publish": {"allow": publish}, "subscribe": {"allow": subscribe}}
 
 
@@ -95,17 +94,20 @@ def server_config(
         "max_payload": 8 << 20,
         "write_deadline": "10s",
         "jetstream": {"store_dir": str(store), "sync_interval": "always"},
-        "cluster": {
+    }
+    if len(nodes) > 1:
+        config["cluster"] = {
             "name": CLUSTER_NAME,
             "listen": f"{node.host}:{node.route_port}",
+            "no_advertise": True,  # robots use the addresses that they are given
             "routes": [f"nats://{other.host}:{other.route_port}" for other in nodes],
-        },
-    }
+        }
     if users is not None:
         config["authorization"] = {"users": users.permissions()}
     if tls is not None:
         files = {"cert_file": str(tls.certificate), "key_file": str(tls.key)}
         files["ca_file"] = str(tls.authority)
         config["tls"] = files
-        config["cluster"]["tls"] = {**files, "verify": True}  # servers show theirs to each other
+        if len(nodes) > 1:  # servers show theirs to each other
+            config["cluster"]["tls"] = {**files, "verify": True}
     return json.dumps(config, indent=2) + "\n"  # which the servers read too

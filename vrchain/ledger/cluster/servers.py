@@ -129,6 +129,11 @@ class Cluster:
                     )
                 time.sleep(_LOOK_S)
 
+    def restart(self, *names: str) -> None:
+        """Start these, or all, and wait until they serve. ClusterError, UnavailableError."""
+        self.start(*names)
+        self.wait_ready(names)
+
     def set_up(self, key: SigningKey | None = None, name: str = "anyone") -> None:
         """Make the ledger's streams on all servers. ``key``: the operator's, where asked for."""
         with Connection(Servers.at(self.address, key=key, name=name)) as connection:
@@ -173,8 +178,7 @@ class Cluster:
     def running(self, key: SigningKey | None = None, name: str = "anyone") -> Iterator["Cluster"]:
         """The servers run until the block ends, whatever ends it."""
         try:
-            self.start()
-            self.wait_ready()
+            self.restart()
             self.set_up(key, name)
             yield self
         finally:

@@ -33,6 +33,7 @@ OLDEST_SERVER = (2, 12, 0)
 _USER = 20 << 3  # what the 'U' before a user's key stands for
 _CHALLENGE = re.compile(r"[A-Za-z0-9_=-]{1,64}")
 _PENDING_BYTES = 1 << 25
+_COMPLAINTS = 20
 _SLACK_S = 5.0  # for the loop's own doings, beyond what an operation may take
 
 # The servers' error codes: https://github.com/nats-io/nats-server, server/errors.json.
@@ -89,6 +90,7 @@ class Connection(Closing):
     def __init__(self, servers: Servers) -> None:
         require("nats", what="nats://", error=ClusterError)
         self.servers = servers
+        self.complaints: list[str] = []  # the servers' newest, of what they do not permit too
         self._client: Client | None = None
         self._refused: dict[str, asyncio.Future[None]] = {}
         self._loop = asyncio.new_event_loop()
@@ -182,6 +184,7 @@ class Connection(Closing):
         async def heard(error: Exception) -> None:
             last.append(error)
             del last[:-1]
+            self.complaints = [*self.complaints[-_COMPLAINTS:], str(error)]
             for subject, refused in self._refused.items():
                 if f'publish to "{subject}"'.lower() in str(error).lower() and not refused.done():
                     refused.set_result(None)

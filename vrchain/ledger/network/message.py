@@ -19,6 +19,7 @@ from vrchain.ledger.records.transaction import Offer
 
 MAX_MESSAGE_BYTES = 8_000_000  # servers take 8 MiB, headers included
 _ENTRY, _OFFER = "vrchain/2/message/entry", "vrchain/2/message/offer"
+_HEAD = "vrchain/2/message/head"
 
 
 def pack_entry(entry: Entry, blobs: Mapping[bytes, bytes]) -> bytes:
@@ -49,6 +50,17 @@ def unpack_offer(data: bytes) -> tuple[bytes, ...]:
     record, blobs = _fields(data, _OFFER, bytes, tuple)
     check_kinds("blobs", blobs, *[bytes] * min(max(len(blobs), 1), 2))
     return record, *blobs
+
+
+def pack_head(block: Block, waiting: int) -> bytes:
+    """What a robot says of itself: its newest block, which a member signed, and its outbox."""
+    return encode_fields(_HEAD, block.record, waiting)
+
+
+def unpack_head(data: bytes) -> tuple[Block, int]:
+    """The block, and how many transactions wait. EncodingError, RecordError."""
+    block, waiting = _fields(data, _HEAD, bytes, int)
+    return Block.decode(block), waiting
 
 
 def _bounded(domain: str, *fields: Any) -> bytes:

@@ -6,7 +6,7 @@ gives is judged, block by block, and what it lacks is looked for elsewhere.
 
 import contextlib
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Self, TypeAlias
 
@@ -23,11 +23,13 @@ from vrchain.ledger.errors import (
     WrongLedgerError,
 )
 from vrchain.ledger.network.log import Given, Log
-from vrchain.ledger.records.block import Entry, Record
+from vrchain.ledger.records.block import Block, Entry, Record
 from vrchain.ledger.records.keys import DATABASE_NAME, SigningKey
 from vrchain.ledger.rules.chain import Lap
+from vrchain.ledger.storage.durable import storage_errors, write_durably
 from vrchain.ledger.store import Ledger
 
+EVIDENCE_NAME = "evidence"  # in the ledger's folder
 _COMES_S = 30.0  # for a block that came first: longer than servers take to choose a leader
 _LOOK_S = 0.005
 _WAIT_S = 5.0  # for another process that writes to the folder
@@ -84,9 +86,32 @@ class Replicated(Ledger):
                 self._mend(error)
                 count += 1
 
+    def convict(self, block: Block) -> None:
+        """Hold a block that another has against the chain; one that is not known yet passes.
+
+        Raises ForkError if it is a second one of its height, well signed; both are kept, in the
+        folder ``evidence``. Raises SignatureError, UnknownMemberError for one that nobody signed.
+        """
+        if block.height <= self.head.height:
+            with self._evidence():
+                self._check_same(block)
+
+    @contextlib.contextmanager
+    def _evidence(self) -> Iterator[None]:
+        try:
+            yield
+        except ForkError as error:
+            kept = self.folder.absolute() / EVIDENCE_NAME
+            with storage_errors(f"writing to {kept}"):
+                kept.mkdir(exist_ok=True)
+                for block in (error.first, error.second):
+                    write_durably(f"{kept}/{block.height}-{block.hash.hex()}", block.record)
+            raise
+
     def _taken(self, given: Given) -> bool:
         try:
-            return self.take(*given)
+            with self._evidence():
+                return self.take(*given)
         except ForkError:
             raise
         except (InvalidError, PayloadDigestError) as error:
@@ -109,7 +134,7 @@ class Replicated(Ledger):
                         return
         for _, given in self.log.copies(self.head.height):
             if given is not None:
-                self.take(*given)  # ForkError if the log has gone another way than this folder
+                self.convict(given[0].block)
         told = "; ".join(dict.fromkeys(wrong)) or "no place answers"
         raise GapError(f"{error}; {told}; give another robot's folder, or see docs/deployment.md")
 

@@ -14,8 +14,17 @@ from pathlib import Path
 from typing import Protocol
 
 from vrchain.errors import LedgerError
-from vrchain.ledger.errors import ClusterError, NotSettledError, UnavailableError
+from vrchain.ledger.errors import (
+    ClusterError,
+    EncodingError,
+    NotSettledError,
+    RecordError,
+    SignatureError,
+    UnavailableError,
+    UnknownMemberError,
+)
 from vrchain.ledger.network.log import Log
+from vrchain.ledger.network.message import pack_head, unpack_head
 from vrchain.ledger.network.outbox import Outbox, transaction_in
 from vrchain.ledger.network.replicated import Comes, Replicated
 from vrchain.ledger.records.block import Entry
@@ -30,6 +39,7 @@ _FLYING = 16  # offers of a robot at once: fewer than the servers take
 _RETRY_S = 0.5
 _AGAIN_S = 20.0  # after which an offer that has not come into a block is sent again
 _LOOK_S = 0.01
+_NO_HEAD = EncodingError, RecordError, UnknownMemberError, SignatureError  # nobody said that
 
 
 class Post(Protocol):
@@ -40,6 +50,12 @@ class Post(Protocol):
 
     def offers_of(self, robot: str) -> int:
         """How many of the robot's are on their way. UnavailableError."""
+
+    def say(self, head: bytes) -> None:
+        """Tell other members what this one holds. UnavailableError."""
+
+    def heads(self) -> list[tuple[str, bytes]]:
+        """What other members have said of themselves since."""
 
 
 class RobotLedger(Replicated):
@@ -55,6 +71,8 @@ class RobotLedger(Replicated):
         self._ends, self._wakes = threading.Event(), threading.Event()
         self._followed_s = 0.0  # when the folder had last all that the log has
         self._sent: dict[Path, float] = {}
+        self._told = b""
+        self.others: dict[str, tuple[int, int]] = {}  # by member: height, and how many wait there
         self._threads = [
             threading.Thread(target=self._forever, args=(part,), daemon=True)
             for part in (self._follow, self._send)
@@ -185,7 +203,22 @@ class RobotLedger(Replicated):
                 self._followed_s = asked_s
                 self.trouble.pop("_follow", None)
                 self._wakes.set()
+                self._compare_heads(own)
                 own.catch_up(_FOLLOW_S, self._comes)
+
+    def _compare_heads(self, own: Replicated) -> None:
+        """Tell others the newest block here, and hold theirs against the chain. ForkError."""
+        said = pack_head(own.head, self.outbox.count())
+        if said != self._told:
+            self.post.say(said)
+            self._told = said
+        for name, data in self.post.heads():
+            with contextlib.suppress(
+                EncodingError, RecordError, UnknownMemberError, SignatureError
+            ):
+                block, waiting = unpack_head(data)
+                self.others[name] = block.height, waiting
+                own.convict(block)
 
     def _comes(self, entry: Entry) -> bool:
         """Something new is in the folder: what waited may be in it. Whether to go on."""

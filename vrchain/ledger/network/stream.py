@@ -23,13 +23,14 @@ if TYPE_CHECKING:
     from nats.aio.client import Client
     from nats.aio.msg import Msg
 
-BLOCKS, OFFERS, MAKER, SAID = "block", "offer", "maker", "chain.block"
+BLOCKS, OFFERS, MAKER, SAID, HEADS = "block", "offer", "maker", "chain.block", "head"
 OFFERS_WAITING = 64  # of one robot, before the servers refuse the next
 OFFERS_BYTES = 1 << 30  # of all robots
 ACK_WAIT_S = 5.0  # after which an offer goes to another maker
 DUPLICATES_S = 120.0  # for which servers know a message that they have stored
 _LOOK_S = 2.0  # between two questions for the newest, should what is said be missed
 _LAGS_S = 2.0  # for which a replica may be behind
+_SAID_KEPT = 200  # of what members say of themselves
 _KEPT = 8  # messages that came before those they follow
 _ASK_S = 2.0  # for which the servers answer one request for offers
 _DIRECT_READS = 12  # enough that each of three replicas answers one
@@ -52,6 +53,7 @@ class Stream:
         self._newest = 0  # number of the newest message that is known
         self._news = threading.Condition()
         self._listens = False
+        self._said: list[tuple[str, bytes]] = []
 
     def append(self, entry: Entry, blobs: Mapping[bytes, bytes], after: int) -> None:
         """As ``Log``. ClusterError when the servers refuse it."""
@@ -106,6 +108,18 @@ class Stream:
         found = told["state"].get("subjects") or {}
         return {name.partition(".")[2].replace("=", "."): n for name, n in found.items()}
 
+    def say(self, head: bytes) -> None:
+        """Tell the other members what this one holds; whoever listens hears it."""
+        subject = f"{HEADS}.{token(self.connection.servers.name)}"
+        self.connection.run(lambda client: client.publish(subject, head))
+
+    def heads(self) -> list[tuple[str, bytes]]:
+        """What members have said since this was asked last: name and message."""
+        self._listen()
+        with self._news:
+            said, self._said = self._said, []
+        return said
+
     def close(self) -> None:
         """As ``Log``, and leave the servers."""
         self.connection.close()
@@ -127,6 +141,7 @@ class Stream:
 
     async def _subscribe(self, client: "Client") -> None:
         await client.subscribe(SAID, cb=self._hear)
+        await client.subscribe(f"{HEADS}.*", cb=self._hear_head)
         await client.flush()
 
     async def _hear(self, message: "Msg") -> None:
@@ -137,6 +152,11 @@ class Stream:
             while len(self._heard) > _KEPT:  # they can be asked for again
                 del self._heard[max(self._heard)]
             self._news.notify_all()
+
+    async def _hear_head(self, message: "Msg") -> None:
+        name = message.subject.partition(".")[2].replace("=", ".")
+        with self._news:
+            self._said = [*self._said[-_SAID_KEPT:], (name, message.data)]
 
     def _taken(self, want: int) -> bytes | None:
         with self._news:

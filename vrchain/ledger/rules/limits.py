@@ -32,6 +32,10 @@ class Limits:
     message_ns: int = 30_000_000_000  # from a message's first byte to its last
 
 
+# Takes in at any rate: to measure what else holds it up.
+UNLIMITED = Limits(rate_per_s=1e6, burst=1 << 20, rate_bytes_per_s=1e12, burst_bytes=1 << 40)
+
+
 class Bucket:
     """Fills at a rate up to its burst. It may be emptied below nothing: that is paid back first."""
 
