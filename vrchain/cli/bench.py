@@ -116,35 +116,6 @@ def planner(
 
 
 @app.command()
-def flood(
-    rounds: Annotated[int, typer.Option(min=1, help="Phases of each flood, and quiet ones.")] = 10,
-    robots: Annotated[int, typer.Option(min=1, help="Honest ones that work meanwhile.")] = 8,
-    phase: Annotated[float, typer.Option(metavar="S", help="Seconds of a phase.")] = 3.0,
-    kind: Annotated[
-        list[str] | None, typer.Option(metavar="FLOOD", help="All, unless given; one for each.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of when the robots publish, and what.")] = 3000,
-    as_json: Json = False,
-) -> None:
-    """Flood a robot that takes in transactions, while others work; their latency, quiet beside.
-
-    Times are in microseconds, until a transaction is known to be durable; p99: of a phase, median
-    over rounds; ratio: of that to the quiet one, with its 95 % interval; bar: what it should not
-    exceed; refused: of the honest robots' transactions. Below: what became of the flood.
-    """
-    from vrchain.experiments.ledger import flood as experiment
-
-    config = experiment.FloodConfig(robots=robots, phase_s=phase, rounds=rounds, seed=seed)
-    measured = experiment.flood(config, kind or experiment.CONDITIONS)
-    table, floods = experiment.summarise(measured, seed=seed), experiment.outcomes(measured)
-
-    def text() -> str:
-        return f"{_text(table)}\n\n{floods.round(2).set_index('name').T.to_string()}"
-
-    _tell(as_json, text, rows=table, floods=floods)
-
-
-@app.command()
 def cluster(
     part: Annotated[
         list[str] | None,

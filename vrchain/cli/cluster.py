@@ -2,9 +2,12 @@
 
 import contextlib
 import json
+import sys
 import time
+from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 import typer
 
@@ -14,7 +17,7 @@ from vrchain.files import check_output_folder, output_folder
 from vrchain.ledger import OPERATOR, Ledger
 from vrchain.ledger.cluster.config import Node, Tls, Users, server_config
 from vrchain.ledger.cluster.servers import MARKER, Cluster
-from vrchain.ledger.errors import ClusterError, UnavailableError
+from vrchain.ledger.errors import ClusterError, GapError, OvertakenError, UnavailableError
 from vrchain.ledger.export import entry_json
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.log import put as put_blocks
@@ -25,6 +28,8 @@ from vrchain.ledger.network.stream import Offers, Stream, set_up
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
 
 app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger.")
+
+T = TypeVar("T")
 
 _LOOK_S = 0.1
 _PORT, _ROUTE_PORT, _MONITOR_PORT = 4222, 6222, 8222
@@ -210,21 +215,29 @@ def make(
     """Make blocks of what robots offer, until it is ended. Several may, for when one fails."""
     key = member_key(folder, keys, robot, simulated)
     servers = Servers.at(address, key=None if anonymous else key, name=robot, ca=ca)
-    ledger, stream = follow_servers(servers, folder)
+    until_s = time.monotonic() + (seconds or float("inf"))
+    ledger, stream = _patiently(lambda: follow_servers(servers, folder), until_s)
     with ledger, contextlib.closing(stream):
         limits = UNLIMITED if no_limits else Limits()
         maker = Maker(ledger, Offers(stream.connection), robot, key, limits=limits)
-        until_s = time.monotonic() + (seconds or float("inf"))
         if not as_json:
             print(f"making blocks for {address} as {robot}", flush=True)
-        while time.monotonic() < until_s:
-            try:
-                maker.turn(min(1.0, max(0.0, until_s - time.monotonic())))
-            except UnavailableError as error:
-                print(f"vrchain: {error}", flush=True)
-                time.sleep(0.5)
+        while (left_s := until_s - time.monotonic()) > 0:
+            _patiently(partial(maker.turn, min(1.0, left_s)), until_s)
         result = {"counts": dict(maker.counts), "height": ledger.head.height}
     _say(as_json, result, f"offers by what became of them: {dict(maker.counts)}")
+
+
+def _patiently(work: Callable[[], T], until_s: float) -> T:
+    """Again and again, while servers do not answer, or choose who leads; each is told."""
+    while True:
+        try:
+            return work()
+        except (UnavailableError, OvertakenError, GapError) as error:
+            print(f"vrchain: {error}", file=sys.stderr, flush=True)
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(0.5)
 
 
 def watch(

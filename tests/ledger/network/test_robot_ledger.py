@@ -172,6 +172,27 @@ def test_offers_that_a_restored_robot_does_not_know_hold_it_up(
         assert [t.sequence for t in restored.history("R1")] == [0, 1, 2, 3]
 
 
+def test_a_number_is_used_once_whatever_comes_into_the_chain_meanwhile(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The transaction before is taken in, and leaves the outbox, while the next one is signed."""
+    with making(address, tmp_path / "maker") as maker, robot_at(address, tmp_path / "R1") as r1:
+        r1.publish("R1", KEYS["R1"], b"0", "view", 60)
+        read = r1.refresh
+
+        def read_and_wait() -> int:
+            count = read()
+            eventually(lambda: r1.outbox.count() == 0)
+            return count
+
+        monkeypatch.setattr(r1, "refresh", read_and_wait)
+        r1.publish("R1", KEYS["R1"], b"1", "view", 61)
+        monkeypatch.undo()
+        r1.wait(timeout_s=PATIENCE_S)
+        assert [t.sequence for t in r1.history("R1")] == [0, 1, 2, 3]
+    assert set(maker.counts) == {"appended"}
+
+
 def test_two_makers_share_the_work_and_no_offer_is_lost_or_doubled(
     address: str, tmp_path: Path
 ) -> None:

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import time
 from collections.abc import Callable
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from functools import partial
 from typing import Any
 
@@ -24,8 +24,9 @@ from vrchain.experiments.ledger.cluster import (
     python,
     team,
 )
-from vrchain.ledger import Transaction, verify
+from vrchain.ledger import Offer, Transaction, verify
 from vrchain.ledger.errors import UnavailableError
+from vrchain.ledger.network.replicated import Replicated
 from vrchain.seeding import generator
 
 
@@ -87,7 +88,7 @@ def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFram
     return pd.DataFrame(rows, columns=[*columns, "verified", "heads"])
 
 
-def flipped_bit(blocks: int = 60, *, seed: int = 0) -> pd.DataFrame:
+def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
     """Flip one bit in a stopped server's store; is it noticed, named, mended?
 
     One row: server, messages, lost_there (of them, once it is back), named (by the status of the
@@ -95,18 +96,18 @@ def flipped_bit(blocks: int = 60, *, seed: int = 0) -> pd.DataFrame:
     that follower), after_cure (messages once its store was wiped), verified.
     """
     with team(2, seed) as made:
-        with made.open("R1") as ledger:
-            draws = generator(seed, "cluster", "bit")
-            for number in range(blocks):
-                payload = draws.bytes(PAYLOAD_BYTES // 4)
-                sent = ledger.publish("R1", made.keys["R1"], payload, "view", number)
-                ledger.wait(sent, PATIENCE_S)
-            height = ledger.head.height
         made.kill_maker()
+        draws, key = generator(seed, "cluster", "bit"), made.keys["R1"]
+        with closing(made.stream()) as stream, Replicated.join(made.folder / "R1", stream) as own:
+            for number in range(blocks):  # enough that the server has several files of them
+                payload = draws.bytes(PAYLOAD_BYTES)
+                draft = own.draft_transaction("R1", payload, "view", number)
+                own.append_many([Offer(draft.signed(key), payload)], "R1", key)
+            height = own.head.height
         server = _leader(made)
         made.cluster.stop(server)
         store = made.cluster.folder / server
-        file = max(store.rglob("streams/block/msgs/*.blk"), key=lambda path: path.stat().st_size)
+        file = min(store.rglob("streams/block/msgs/*.blk"), key=lambda path: int(path.stem))
         data = bytearray(file.read_bytes())
         data[len(data) // 3] ^= 1
         file.write_bytes(data)

@@ -25,6 +25,7 @@ from vrchain.ledger.network.stream import set_up
 from vrchain.ledger.records.keys import SigningKey
 
 MARKER = "cluster.json"
+_PORTS = 10_000, 32_000
 _LOOK_S = 0.05
 _START_S = 60.0
 _END_S = 20.0
@@ -120,8 +121,7 @@ class Cluster:
         for node in self._named(names):
             while _asked(node, "healthz").get("status") != "ok":
                 if self.process(node.name) is None:
-                    said = (self.folder / f"{node.name}.err").read_text(errors="replace").strip()
-                    raise ClusterError(f"the server {node.name} has ended: {said[-300:]}")
+                    raise ClusterError(f"the server {node.name} has ended: {self._last(node.name)}")
                 if time.monotonic() > until_s:
                     raise UnavailableError(
                         f"the server {node.name} is not ready after {timeout_s:g} s; "
@@ -184,6 +184,15 @@ class Cluster:
         finally:
             self.stop()
 
+    def _last(self, name: str) -> str:
+        """The last that a server has said."""
+        for end in ("err", "log"):
+            with contextlib.suppress(OSError):
+                said = (self.folder / f"{name}.{end}").read_text(errors="replace").strip()
+                if said:
+                    return said.splitlines()[-1][-300:]
+        return "it said nothing"
+
     def _named(self, names: Sequence[str]) -> list[Node]:
         return [node for node in self.nodes if not names or node.name in names]
 
@@ -211,11 +220,16 @@ def _send(pid: int, number: int) -> None:
 
 
 def _free_ports(host: str, count: int) -> list[int]:
-    with contextlib.ExitStack() as stack:
-        sockets = [stack.enter_context(socket.socket()) for _ in range(count)]
-        for each in sockets:
-            each.bind((host, 0))
-        return [each.getsockname()[1] for each in sockets]
+    """Below those that the system gives to connections: one might take a dead server's port."""
+    found: list[int] = []
+    start = os.getpid() * 131 + time.monotonic_ns() // 1000
+    for number in range(_PORTS[1] - _PORTS[0]):
+        port = _PORTS[0] + (start + number) % (_PORTS[1] - _PORTS[0])
+        with contextlib.suppress(OSError), socket.create_server((host, port)):
+            found.append(port)
+            if len(found) == count:
+                return found
+    raise ClusterError(f"expected {count} free ports on {host}, got {len(found)}")
 
 
 def _asked(node: Node, path: str) -> dict[str, Any]:

@@ -4,7 +4,7 @@ import fcntl
 import os
 from pathlib import Path
 
-from vrchain.ledger.errors import LedgerBusyError
+from vrchain.ledger.errors import LedgerBusyError, StorageError
 from vrchain.ledger.network.connection import token
 from vrchain.ledger.network.message import pack_offer, unpack_offer
 from vrchain.ledger.records.transaction import Offer, Transaction
@@ -65,8 +65,13 @@ class Outbox(Closing):
 
     def last(self, robot: str) -> Transaction | None:
         """The robot's last that waits. DamagedError, EncodingError, StorageError."""
-        own = [path for name, _, path in self.waiting() if name == robot]
-        return transaction_in(self.read(own[-1])) if own else None
+        while own := [path for name, _, path in self.waiting() if name == robot]:
+            try:
+                return transaction_in(self.read(own[-1]))
+            except StorageError:
+                if own[-1].exists():  # else it has just come into the chain
+                    raise
+        return None
 
     def read(self, path: Path) -> bytes:
         """The message of an offer. StorageError."""

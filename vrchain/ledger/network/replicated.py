@@ -136,7 +136,9 @@ class Replicated(Ledger):
             if given is not None:
                 self.convict(given[0].block)
         told = "; ".join(dict.fromkeys(wrong)) or "no place answers"
-        raise GapError(f"{error}; {told}; give another robot's folder, or see docs/deployment.md")
+        raise GapError(
+            f"{error}; {told}; give another robot's folder, or see docs/how-to/deployment.md"
+        )
 
     def _check_log(self) -> None:
         """WrongLedgerError unless the log begins with this ledger's first block."""

@@ -98,10 +98,11 @@ class RobotLedger(Replicated):
         """
         digests = blob_digest(payload), blob_digest(landmarks)
         lap("hash")
-        self.refresh()
         self._check_settled(robot)
+        waiting = self.outbox.last(robot)  # before the chain is read: what leaves it is in there
+        self.refresh()
         draft = self.draft(robot, digests[0], reason, timestamp_ns, digests[1])
-        last, waiting = self.latest(robot), self.outbox.last(robot)
+        last = self.latest(robot)
         if waiting and waiting.sequence >= draft.sequence:
             last = waiting
             draft = replace(draft, sequence=waiting.sequence + 1, previous=waiting.id)

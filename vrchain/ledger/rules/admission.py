@@ -4,7 +4,7 @@ A robot that makes blocks for others holds the door: strangers hand it bytes, as
 like. What costs least is checked first, and a robot's rate is charged only after its signature
 holds, so that nobody can use up another's. What comes through waits, bounded, for its block.
 None of this is validity: replicas with other limits and clocks agree on the chain all the same.
-``gate`` brings what comes over sockets here, and sees to it that no sender crowds out others.
+A maker (``network/maker``) brings offers here; servers have told its senders apart by their keys.
 """
 
 import contextlib
