@@ -217,7 +217,7 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("scene", "info", "none.yaml"), "none.yaml"),
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "ledger", "--positions", "0"), "equal to 1, got '0'"),
-        (("bench", "cluster", "--part", "rain"), "rest, load, kills, bit, hostile, backlog"),
+        (("bench", "cluster", "--part", "rain"), "rest, load, flood, kills, bit, hostile, backlog"),
         (("evaluate", "tour", "none"), "zind_data.json"),
         (("evaluate", "tour", "none", "-o", "/proc/new"), "cannot write"),
         (("train", "-o", "/proc/weights.pt"), "cannot write"),

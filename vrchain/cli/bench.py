@@ -14,7 +14,7 @@ from vrchain.paths import BUILD, SCENES
 if TYPE_CHECKING:
     import pandas as pd
 
-CLUSTER_PARTS = ("rest", "load", "kills", "bit", "hostile", "backlog")
+CLUSTER_PARTS = ("rest", "load", "flood", "kills", "bit", "hostile", "backlog")
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed.")
 
@@ -132,19 +132,20 @@ def cluster(
     """Measure a ledger over three servers on this machine, and try to break it.
 
     rest: an update beside a bare publish and a folder's, in turns; load: robots flat out, a process
-    each; kills, bit: what is lost when things fail; hostile: attacks, and what stops each; backlog:
-    many robots. Times are in milliseconds; the module experiments.ledger.cluster says more.
+    each; flood: two robots, while a third floods; kills, bit: what is lost when things fail;
+    hostile: attacks, and what stops each; backlog: many robots. Times are in milliseconds; the
+    modules of experiments.ledger say more.
     """
     from vrchain.experiments.ledger import cluster as measured
-    from vrchain.experiments.ledger import failures
-    from vrchain.experiments.ledger.hostile import attacks
+    from vrchain.experiments.ledger import failures, hostile
 
     ways: dict[str, Callable[[], pd.DataFrame]] = {
         "rest": lambda: measured.at_rest(updates, seed=seed),
         "load": lambda: measured.flat_out(seconds, robots, seed=seed),
+        "flood": lambda: hostile.flooded(seconds, seed=seed),
         "kills": lambda: failures.kills(kills, max(1, kills // 4), seed=seed),
         "bit": lambda: failures.flipped_bit(seed=seed),
-        "hostile": lambda: attacks(seed),
+        "hostile": lambda: hostile.attacks(seed),
         "backlog": lambda: measured.backlog(many, seconds=seconds, seed=seed),
     }
     parts = part or ["rest", "load", "hostile"]

@@ -6,6 +6,7 @@ from clusters import skip_without_servers
 
 from vrchain.experiments.ledger.cluster import at_rest, backlog
 from vrchain.experiments.ledger.failures import flipped_bit, kills
+from vrchain.experiments.ledger.hostile import flooded
 
 
 @pytest.fixture(autouse=True)
@@ -26,6 +27,12 @@ def test_what_many_robots_offer_comes_into_the_chain() -> None:
     table = backlog(6, period_s=0.5, seconds=2.0)
     assert table.offered.iloc[-1] == 24
     assert table.offered.is_monotonic_increasing and (table.waiting <= 24).all()
+
+
+def test_a_flood_is_refused_beyond_its_own_room() -> None:
+    table = flooded(2.0).set_index("name")
+    assert (table.n >= 2).all() and table.ratio["quiet"] == 1.0
+    assert table.taken["flooded"] > 0 and table.taken["quiet"] == 0
 
 
 def nothing_is_lost(table: pd.DataFrame) -> None:

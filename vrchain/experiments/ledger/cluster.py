@@ -10,7 +10,7 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import ExitStack, closing, contextmanager
 from dataclasses import dataclass, replace
 from functools import partial
@@ -178,7 +178,7 @@ def flat_out(seconds: float = 10.0, robots: int = 5, *, seed: int = 0) -> pd.Dat
     the robot's own folder). LedgerError if a folder does not verify afterwards, or heads differ.
     """
     with team(robots, seed) as made:
-        waits = _flat_out(made, seconds)
+        waits = waits_ms(made, seconds)
         check_same(made)
     rows = [
         (name, len(ms), len(ms) / seconds, np.median(ms), np.quantile(ms, 0.99), max(ms))
@@ -195,7 +195,7 @@ def publish_flat_out(
     key, draws, waits_ms = simulated_key(seed, robot), generator(seed, "flat out", robot), []
     with open_ledger(address, folder) as ledger:
         assert isinstance(ledger, RobotLedger)
-        first = ledger.publish(robot, key, b"warm", "start", 0)
+        first = ledger.publish(robot, key, b"warm", "start", time.time_ns())
         ledger.wait(first, PATIENCE_S)
         until_s = time.monotonic() + seconds
         while time.monotonic() < until_s:
@@ -248,13 +248,14 @@ def _following(draft: Transaction, last: Transaction | None, payload: bytes) -> 
     return replace(draft, **changes)
 
 
-def _flat_out(made: Team, seconds: float) -> dict[str, list[float]]:
+def waits_ms(made: Team, seconds: float, robots: Sequence[str] = ()) -> dict[str, list[float]]:
+    """How long each transaction of each robot took, as they publish flat out, a process each."""
     children = {
         robot: python(
             "-c", ROBOT_CODE, made.cluster.address, str(made.folder / robot), robot,
             str(made.seed), str(seconds), stdout=subprocess.PIPE,
         )
-        for robot in made.robots
+        for robot in robots or made.robots
     }  # fmt: skip
     waits = {}
     try:

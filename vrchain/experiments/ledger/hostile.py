@@ -4,6 +4,10 @@ A member has its own key, and may send the servers any bytes. Each attempt is ma
 the table says who refused it: the servers, the maker, or those who follow.
 """
 
+import itertools
+import signal
+import subprocess
+import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -13,13 +17,22 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.cluster import (
+    PATIENCE_S,
+    PAYLOAD_BYTES,
+    python,
+    team,
+    waits_ms,
+)
 from vrchain.experiments.ledger.stores import create_ledger
 from vrchain.ledger import Ledger, Offer, SigningKey, Transaction, simulated_key
 from vrchain.ledger.cluster.config import Users
 from vrchain.ledger.cluster.servers import Cluster
+from vrchain.ledger.errors import ClusterError
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.log import put
 from vrchain.ledger.network.maker import Maker
@@ -51,6 +64,13 @@ _FORBIDDEN = {
     "take away others' offers": f"{_API}.CONSUMER.MSG.NEXT.offer.maker",
     "command the servers": "$SYS.REQ.SERVER.PING.CONFIG",
 }
+
+
+FLOOD_CODE = """
+import sys
+from vrchain.experiments.ledger.hostile import flood_offers
+flood_offers(*sys.argv[1:])
+"""
 
 
 @dataclass(frozen=True)
@@ -98,6 +118,47 @@ def attacks(seed: int = 0, nodes: int = 1) -> pd.DataFrame:
             _row("as maker, two blocks at one height", lambda: _second_block(stage)),
         ]
     return pd.DataFrame(rows, columns=["attack", "stopped_by", "said"])
+
+
+def flooded(seconds: float = 10.0, *, seed: int = 0) -> pd.DataFrame:
+    """Two robots at work, quiet and while a third offers rubbish as fast as servers take it.
+
+    One row each: name, n, median_ms, p99_ms, longest_ms, ratio (of the p99 to the quiet one), and
+    of the flood: taken (offers of 200 KB that the servers took), refused (those over its limit).
+    """
+    with team(3, seed) as made:
+        phases = {"quiet": waits_ms(made, seconds, made.robots[:2])}
+        words = ("-c", FLOOD_CODE, made.cluster.address, made.robots[2])
+        flood = python(*words, stdout=subprocess.PIPE)
+        try:
+            phases["flooded"] = waits_ms(made, seconds, made.robots[:2])
+            flood.terminate()
+            taken, refused = map(int, flood.communicate(timeout=PATIENCE_S)[0].split())
+        finally:
+            flood.kill()
+            flood.wait()
+    rows = []
+    for name, waits in phases.items():
+        ms = np.concatenate([np.array(own) for own in waits.values()])
+        p99_ms = float(np.quantile(ms, 0.99))
+        counts = (taken, refused) if name == "flooded" else (0, 0)
+        rows.append((name, len(ms), np.median(ms), p99_ms, ms.max(), p99_ms, *counts))
+    columns = ["name", "n", "median_ms", "p99_ms", "longest_ms", "ratio", "taken", "refused"]
+    table = pd.DataFrame(rows, columns=columns)
+    return table.assign(ratio=table.ratio / table.ratio.iloc[0])
+
+
+def flood_offers(address: str, robot: str) -> None:
+    """What a hostile member's process does in ``flooded``, until it is ended."""
+    counts, rubbish = [0, 0], bytes(PAYLOAD_BYTES)
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(print(*counts)))
+    with closing(Stream(Connection(Servers.at(address)))) as stream:
+        for number in itertools.count():
+            try:
+                stream.offer(robot, number.to_bytes(32, "big"), rubbish)
+                counts[0] += 1
+            except ClusterError:
+                counts[1] += 1
 
 
 def _stage(scratch: Path, seed: int, nodes: int, stack: ExitStack) -> Stage:
