@@ -7,6 +7,7 @@ from pathlib import Path
 from vrchain.ledger.errors import LedgerBusyError, StorageError
 from vrchain.ledger.network.connection import token
 from vrchain.ledger.network.message import pack_offer, unpack_offer
+from vrchain.ledger.records.keys import DATABASE_NAME
 from vrchain.ledger.records.transaction import Offer, Transaction
 from vrchain.ledger.storage.closing import Closing
 from vrchain.ledger.storage.durable import read_plain, storage_errors, sync_folder, write_durably
@@ -93,8 +94,8 @@ class Outbox(Closing):
         return sorted(self.folder.glob(f"*{_SUFFIX}"))
 
     def _place(self) -> bytes:
-        found = self.folder.stat()
-        return f"{found.st_dev} {found.st_ino}".encode()
+        found = [path.stat() for path in (self.folder, self.folder.with_name(DATABASE_NAME))]
+        return " ".join(f"{each.st_dev} {each.st_ino}" for each in found).encode()
 
 
 def transaction_in(data: bytes) -> Transaction:

@@ -196,7 +196,10 @@ class RobotLedger(Replicated):
                 self._ends.wait(_RETRY_S)
 
     def _follow(self) -> None:
-        with Replicated.join(self.folder, self.log, self.sources) as own:
+        with contextlib.ExitStack() as stack:
+            for source in self.sources:  # opened by this thread, if at all
+                stack.callback(source.close)
+            own = stack.enter_context(Replicated.join(self.folder, self.log, self.sources))
             own.alarms = self.alarms
             while not self._ends.is_set():
                 asked_s = time.monotonic()
