@@ -275,6 +275,34 @@ def test_the_commands_of_a_cluster(folder: Path, tmp_path: Path) -> None:
             Cluster.load(where).stop()
 
 
+def test_commands_that_write_go_through_the_servers(servers: Cluster, tmp_path: Path) -> None:
+    team, keys = tmp_path / "team", ("--keys", tmp_path / "keys")
+    said("ledger", "init", team, "--member", "R1", *keys)
+    said("cluster", "put", team, servers.address, "--anonymous")
+    said("ledger", "enroll", team, "R2", *keys, "--servers", servers.address)
+    assert newest(servers.address) == 1
+    assert "give --servers" in said("ledger", "expel", team, "R2", *keys, status=1)
+    with making_with(servers.address, tmp_path, "R1"):
+        (tmp_path / "file").write_bytes(b"payload")
+        words = ("ledger", "append", team, "R2", tmp_path / "file", *keys)
+        assert "transaction 0 of R2 in block 2" in said(*words, "--servers", servers.address)
+    assert verify(team).ok
+
+
+@contextlib.contextmanager
+def making_with(address: str, folder: Path, robot: str) -> Iterator[None]:
+    """``vrchain cluster make`` in a process of its own."""
+    words = ["cluster", "make", address, "--folder", folder / "maker", "--robot", robot]
+    process = vrchain(*words, "--keys", folder / "keys", "--anonymous")
+    try:
+        yield
+        process.send_signal(signal.SIGINT)
+        assert "interrupted" in process.communicate(timeout=PATIENCE_S)[1]
+    finally:
+        process.kill()
+        process.wait()
+
+
 def test_ctrl_c_while_servers_start_leaves_none(tmp_path: Path) -> None:
     skip_without_servers()
     process = vrchain("cluster", "up", "-o", tmp_path / "servers")
