@@ -8,7 +8,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -269,7 +268,7 @@ def test_the_commands_of_a_cluster(folder: Path, tmp_path: Path) -> None:
         watched = said("ledger", "watch", address, "--folder", tmp_path / "copy", "--seconds", 3)
         assert "block 4 by R3: transaction 0 of R3" in watched
         assert "ended 2 servers" in said("cluster", "down", "-o", where)
-        assert all(cluster.process(node.name) is None for node in cluster.nodes)
+        assert left_in(where) == []
     finally:
         if (where / MARKER).exists():
             Cluster.load(where).stop()
@@ -314,10 +313,38 @@ def test_ctrl_c_while_servers_start_leaves_none(tmp_path: Path) -> None:
         if process.returncode == 0:  # it was ready before the signal came
             pytest.skip(f"too late: {out}")
         assert process.returncode == 130 and "interrupted" in err
-        time.sleep(0)
-        assert all(cluster.process(node.name) is None for node in cluster.nodes)
+        assert left_in(tmp_path) == []
     finally:
         cluster.stop()
+
+
+def left_in(folder: Path) -> list[int]:
+    """Processes that have to do with a folder, whoever noted them down."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if str(folder).encode() in path.read_bytes():
+                found.append(int(path.parent.name))
+    return found
+
+
+def test_an_interrupt_as_servers_start_waits_until_they_are_noted_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skip_without_servers()
+    start = subprocess.Popen
+
+    def interrupted(*words: object, **options: object) -> object:
+        started = start(*words, **options)  # type: ignore[call-overload]
+        if "-l" in words[0]:  # type: ignore[operator]
+            signal.raise_signal(signal.SIGINT)
+        return started
+
+    cluster = Cluster.make(tmp_path / "servers")
+    monkeypatch.setattr(module.subprocess, "Popen", interrupted)
+    with pytest.raises(KeyboardInterrupt), cluster.running():
+        pass
+    assert left_in(tmp_path) == []
 
 
 def test_no_cluster_where_something_else_is(tmp_path: Path) -> None:

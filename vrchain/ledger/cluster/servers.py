@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -106,14 +107,14 @@ class Cluster:
             if self.process(node.name) is None:
                 log = self.folder / f"{node.name}.log"
                 config = self.folder / f"{node.name}.conf"
-                with open(self.folder / f"{node.name}.err", "wb") as said:
+                with open(self.folder / f"{node.name}.err", "wb") as said, _uninterrupted():
                     started = subprocess.Popen(
                         [binary, "-c", str(config), "-l", str(log)],
                         stdin=subprocess.DEVNULL, stdout=said, stderr=said,
                         start_new_session=True,
                     )  # fmt: skip
-                self._pid_file(node.name).write_text(str(started.pid))
-                _CHILDREN[started.pid] = started
+                    _CHILDREN[started.pid] = started
+                    self._pid_file(node.name).write_text(str(started.pid))
 
     def wait_ready(self, names: Sequence[str] = (), timeout_s: float = _START_S) -> None:
         """Until these servers, or all, say that they serve. UnavailableError."""
@@ -164,6 +165,8 @@ class Cluster:
         """The number of the server's process, None if it does not run."""
         try:
             pid = int(self._pid_file(name).read_text())
+            if pid in _CHILDREN:
+                return pid if _runs(pid) else None
             said = Path(f"/proc/{pid}/cmdline").read_bytes()
         except (OSError, ValueError):
             return None
@@ -203,6 +206,26 @@ class Cluster:
 _CHILDREN: dict[
     int, "subprocess.Popen[bytes]"
 ] = {}  # so that those that have ended leave no zombie
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits until the block ends: a server that nobody has noted down would run on."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # it is not interrupted
+        return
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, frame: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
 
 
 def _runs(pid: int) -> bool:
