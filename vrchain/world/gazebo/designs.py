@@ -44,13 +44,13 @@ class Ground:
 class Design:
     """A model ready to be placed: an object in its own frame, and ground if it has some.
 
-    pieces: what each of its visuals shows, where there are several, of which each stands in a
-    robot's way for itself. wide: it is nothing but planes as wide as ground.
+    pieces: what each of its visuals shows, which stands in a robot's way for itself; none of a
+    model of ours. wide: it is nothing but planes as wide as ground.
     """
 
     prototype: SceneObject
     ground: tuple[Ground, ...]
-    pieces: tuple[Sequence[Part], ...] = ()
+    pieces: tuple[tuple[Part, ...], ...] = ()
     wide: bool = False
 
 
@@ -94,7 +94,7 @@ class Designs:
         ground: list[Ground] = []
         visuals = list(model.all_visuals(np.eye(4)))
         shown = [self._draw(visual, ground) for visual in visuals]
-        pieces = tuple(piece for piece in shown if piece)
+        pieces = tuple(tuple(piece) for piece in shown if piece)
         parts = [part for piece in pieces for part in piece]
         if not parts and not ground:
             return None
@@ -124,7 +124,7 @@ class Designs:
         landmark = self._is_landmark(model, kind, size_m)
         thing = SceneObject(model.name, kind, design, landmark, kind != "ground", size_m, surfaces)
         wide = all(is_wide(visual) for visual in visuals)
-        return Design(thing, tuple(ground), pieces if len(pieces) > 1 else (), wide)
+        return Design(thing, tuple(ground), pieces, wide)
 
     def _is_landmark(self, model: Model, kind: str, size_m: tuple[float, float, float]) -> bool:
         if kind in _RUNS and max(size_m[:2]) > _RUN_M:
@@ -164,10 +164,10 @@ class Designs:
                 f"expected at most {MOST_TRIANGLES} triangles in a world, with this it has "
                 f"{self._triangles}: leave models out, or simplify their meshes"
             )
-        return [
-            moved(replace(part, look=look or _coloured(part.look, colour)), matrix)
-            for part in found
-        ]
+        dressed = [replace(part, look=look or _coloured(part.look, colour)) for part in found]
+        if any(part.look.clear for part in dressed):
+            self._notes.add("parts of meshes more than half transparent", element.name)
+        return [moved(part, matrix) for part in dressed if not part.look.clear]
 
     def _shape(self, element: Element) -> Element | None:
         """What the <geometry> of a visual holds, if it can be drawn."""
@@ -238,10 +238,10 @@ def _coloured(look: Look, colour: Colour | None) -> Look:
     """A look in a colour of its visual's: it replaces the look's own, and tints its picture."""
     if colour is None:
         return look
-    if look.picture is None:
-        return replace(look, colour=colour)
-    (r, g, b), (x, y, z) = look.colour, colour
-    return replace(look, colour=(r * x, g * y, b * z))
+    if look.picture is not None:
+        (r, g, b), (x, y, z) = look.colour, colour
+        colour = r * x, g * y, b * z
+    return replace(look, colour=colour, clear=False)
 
 
 def _surface(part: Part, texture: NDArray[np.uint8]) -> Surface:

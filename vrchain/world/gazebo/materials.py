@@ -34,13 +34,15 @@ class Look:
     """How a surface is drawn: a colour, times a picture if there is one.
 
     solid_above: alpha, 0..255, above which a texel is solid; None: all of it is. repeats: how often
-    the picture is repeated where texture coordinates run from 0 to 1.
+    the picture is repeated where texture coordinates run from 0 to 1. clear: glass, and what is
+    invisible; it is not drawn.
     """
 
     colour: Colour = WHITE
     picture: Path | None = None
     solid_above: int | None = None
     repeats: tuple[float, float] = (1.0, 1.0)
+    clear: bool = False
 
 
 class Materials:

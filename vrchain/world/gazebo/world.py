@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from vrchain import seeding
 from vrchain.errors import SpecError, UnsupportedWarning
@@ -19,10 +18,10 @@ from vrchain.world.gazebo.designs import MOST_TRIANGLES, Design, Designs, unique
 from vrchain.world.gazebo.files import Notes, is_file, model_folders
 from vrchain.world.gazebo.frames import FARTHEST_M, Matrix, Placed
 from vrchain.world.gazebo.materials import Materials
-from vrchain.world.gazebo.parts import moved
+from vrchain.world.gazebo.obstacles import Outlines
 from vrchain.world.gazebo.sdf import MOST_MODELS, World, read_world
 from vrchain.world.gazebo.xml import Element
-from vrchain.world.model import LightMap, Scene, SceneObject, Surface, ground_polygon
+from vrchain.world.model import LightMap, Scene, SceneObject, Surface
 from vrchain.world.spec import LightSpec, parse_spec
 
 SUFFIXES = (".world", ".sdf")
@@ -42,14 +41,11 @@ class _Thing(NamedTuple):
     placed: Placed
     design: Design
 
-    def object(self) -> SceneObject:
+    def object(self, outlines: Outlines) -> SceneObject:
         """What of it is no ground, in the world."""
         thing, pieces, matrix = self.design.prototype, self.design.pieces, self.placed.matrix
         surfaces = tuple(_moved(s, matrix) for s in thing.surfaces)
-        outline = None
-        if thing.solid and pieces:  # what its visuals stand around is free
-            corners = ([moved(p, matrix).vertices_m[p.faces] for p in piece] for piece in pieces)
-            outline = shapely.union_all([ground_polygon(np.concatenate(c)) for c in corners])
+        outline = outlines.of(pieces, matrix) if thing.solid and pieces else None
         placed = replace(thing, name=self.name, surfaces=surfaces, outline=outline)
         if not np.abs(placed.bounds_m).max() < FARTHEST_M:
             raise self.placed.element.error(
@@ -116,7 +112,8 @@ def _scene(
     # The lowest piece is the floor of the world, all over.
     (_, floor_m), floor = min((piece[:2] for piece in pieces), default=((False, 0.0), None))
     shown = [thing for thing in things if thing.design.prototype.surfaces]
-    objects = [thing.object() for thing in shown]
+    outlines = Outlines()
+    objects = [thing.object(outlines) for thing in shown]
     bounds = [o.bounds_m[:, :2] for o, t in zip(objects, shown, strict=True) if not t.design.wide]
     boxes = bounds or [
         matrix[:2, 3] + np.outer((-0.5, 0.5), np.minimum(size_m, MAP_M))
@@ -231,7 +228,8 @@ def _own_scene(name: str, things: Sequence[_Thing], ours: Element, notes: Notes)
     for thing in things:
         if thing.design.ground:
             notes.add("planes of ground in a suburb of ours, which has its own", thing.placed.name)
-    objects = [thing.object() for thing in things if thing.design.prototype.surfaces]
+    outlines = Outlines()
+    objects = [thing.object(outlines) for thing in things if thing.design.prototype.surfaces]
     standing = [o for o in objects if o.bounds_m[:, 2].any()]
     lying = [o for o in objects if not o.bounds_m[:, 2].any()]
     return outdoors(spec, standing, lying)

@@ -1,0 +1,103 @@
+"""What of a model stands in a robot's way: its convex hull, or as it is where one fits inside."""
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from vrchain.world.gazebo.frames import Matrix
+from vrchain.world.gazebo.parts import Part, moved
+from vrchain.world.model import ROBOT_RADIUS_M, band, ground_polygon
+
+_SLICES_M = (0.3, 0.8, 1.3)  # where it is asked what is inside
+_GRID_M = 0.001  # to which corners are rounded, so that walls meet
+_FLAW_M2 = 0.01  # of free space that is none
+
+Pieces = tuple[tuple[Part, ...], ...]
+
+
+class Outlines:
+    """Footprints of placed models, each shape looked at once however it is turned about z."""
+
+    def __init__(self) -> None:
+        self._known: dict[tuple[Pieces, bytes], list[shapely.Geometry | None]] = {}
+
+    def of(self, pieces: Pieces, matrix: Matrix) -> shapely.Geometry | None:
+        """The footprint in the world of what the visuals of a model show; None: its hull.
+
+        Each visual is taken for its hull, or as it is where that leaves more room for robots.
+        """
+        yaw = np.arctan2(matrix[1, 0], matrix[0, 0])
+        cos, sin = np.cos(yaw), np.sin(yaw)
+        turn = np.array([[cos, -sin], [sin, cos]])
+        upright = matrix.copy()
+        upright[:2] = turn.T @ matrix[:2]
+        upright[:2, 3] = 0
+        key = pieces, np.round(upright, 9).tobytes()
+        if key not in self._known:
+            self._known[key] = [as_it_stands(_triangles(piece, upright)) for piece in pieces]
+        shapes = self._known[key]
+        if len(pieces) == 1 and shapes[0] is None:
+            return None
+        placed = [
+            ground_polygon(_triangles(piece, matrix))
+            if shape is None
+            else shapely.transform(shape, lambda xy: xy @ turn.T + matrix[:2, 3])
+            for piece, shape in zip(pieces, shapes, strict=True)
+        ]
+        return shapely.union_all(placed)
+
+
+def _triangles(piece: tuple[Part, ...], matrix: Matrix) -> NDArray[np.float64]:
+    placed = (moved(part, matrix) for part in piece)
+    return np.concatenate([part.vertices_m[part.faces] for part in placed])
+
+
+def as_it_stands(triangles: NDArray[np.float64]) -> shapely.Geometry | None:
+    """What of triangles, (n, 3, 3), stands in a robot's way; None where their hull is as good.
+
+    What is closed all around, such as a house of one skin, is solid, and what walls with two sides
+    enclose is free: the winding number tells them apart.
+    """
+    hull = ground_polygon(triangles)
+    if hull.buffer(-ROBOT_RADIUS_M).is_empty:
+        return None
+    points, owner = band(triangles)
+    order = np.argsort(owner, kind="stable")
+    _, number = np.unique(owner[order], return_inverse=True)
+    faces = shapely.convex_hull(shapely.multipoints(points[order], indices=number))
+    walls = shapely.union_all(faces, grid_size=_GRID_M)
+    beyond = hull.buffer(2 * ROBOT_RADIUS_M)
+    solid = [
+        region.buffer(ROBOT_RADIUS_M)
+        for region in shapely.get_parts(beyond - walls.buffer(ROBOT_RADIUS_M))
+        if not region.intersects(beyond.exterior) and _is_inside(triangles, region)
+    ]
+    shape = shapely.union_all([walls, *solid])
+    return shape if (hull - shape.buffer(ROBOT_RADIUS_M)).area > _FLAW_M2 else None
+
+
+def _is_inside(triangles: NDArray[np.float64], region: shapely.Polygon) -> bool:
+    """Whether a region that is enclosed lies within a solid."""
+    place = np.array(region.representative_point().coords[0])
+    return float(np.median([_winding(triangles, place, z_m) for z_m in _SLICES_M])) > 0.5
+
+
+def _winding(triangles: NDArray[np.float64], place_xy_m: NDArray[np.float64], z_m: float) -> float:
+    """How often the outlines of a level slice run anticlockwise around a place.
+
+    Open ones count as the share of a turn that they span: Jacobson et al., ACM TOG 32(4), 2013.
+    """
+    above = triangles[:, :, 2] >= z_m
+    cut = triangles[above.any(axis=1) & ~above.all(axis=1)]
+    above = cut[:, :, 2] >= z_m
+    lone = (above == (above.sum(axis=1) == 1)[:, None]).argmax(axis=1)
+    turned = np.take_along_axis(cut, ((lone[:, None] + np.arange(3)) % 3)[..., None], axis=1)
+    a, others = turned[:, :1], turned[:, 1:]
+    share = (z_m - a[..., 2:]) / (others[..., 2:] - a[..., 2:])
+    ends = (a + share * (others - a))[..., :2] - place_xy_m
+    normal = np.cross(cut[:, 1] - cut[:, 0], cut[:, 2] - cut[:, 0])[:, :2]
+    start, end = ends[:, 0], ends[:, 1]
+    along = end - start
+    outside_right = normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0]
+    turn = np.arctan2(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0], (start * end).sum(axis=1))
+    return float((np.sign(outside_right) * turn).sum() / (2 * np.pi))
