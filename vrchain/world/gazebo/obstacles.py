@@ -9,7 +9,9 @@ from vrchain.world.gazebo.parts import Part, moved
 from vrchain.world.model import ROBOT_RADIUS_M, band, ground_polygon
 
 _SLICES_M = (0.3, 0.8, 1.3)  # where it is asked what is inside
+_SKIN_M = 0.005  # around all faces, most of which are upright: seen from above they are lines
 _GRID_M = 0.001  # to which corners are rounded, so that walls meet
+_STEP_M, _MOST_PLACES = 0.2, 10_000  # between places where a robot may fit
 _FLAW_M2 = 0.01  # of free space that is none
 
 Pieces = tuple[tuple[Part, ...], ...]
@@ -59,21 +61,42 @@ def as_it_stands(triangles: NDArray[np.float64]) -> shapely.Geometry | None:
     enclose is free: the winding number tells them apart.
     """
     hull = ground_polygon(triangles)
-    if hull.buffer(-ROBOT_RADIUS_M).is_empty:
+    if hull.is_empty:
         return None
     points, owner = band(triangles)
     order = np.argsort(owner, kind="stable")
     _, number = np.unique(owner[order], return_inverse=True)
     faces = shapely.convex_hull(shapely.multipoints(points[order], indices=number))
-    walls = shapely.union_all(faces, grid_size=_GRID_M)
+    room = hull.buffer(_STEP_M)  # a wall's hull may be slimmer than a step
+    if not _has_room(room, faces):
+        return None
+    walls = shapely.union_all(shapely.buffer(faces, _SKIN_M, quad_segs=1), grid_size=_GRID_M)
     beyond = hull.buffer(2 * ROBOT_RADIUS_M)
     solid = [
         region.buffer(ROBOT_RADIUS_M)
         for region in shapely.get_parts(beyond - walls.buffer(ROBOT_RADIUS_M))
         if not region.intersects(beyond.exterior) and _is_inside(triangles, region)
     ]
-    shape = shapely.union_all([walls, *solid])
-    return shape if (hull - shape.buffer(ROBOT_RADIUS_M)).area > _FLAW_M2 else None
+    parts = shapely.get_parts(shapely.union_all([walls, *solid]))
+    shape = shapely.union_all([_without_cracks(part) for part in parts])
+    return shape if (room - shape.buffer(ROBOT_RADIUS_M)).area > _FLAW_M2 else None
+
+
+def _has_room(room: shapely.Polygon, faces: NDArray[np.object_]) -> bool:
+    """Whether some place of a room is so far from all faces that a robot may fit."""
+    step_m = max(_STEP_M, float(np.sqrt(room.area / _MOST_PLACES)))
+    low, high = np.array(room.bounds).reshape(2, 2)
+    x, y = np.meshgrid(*(np.arange(a, b + step_m, step_m) for a, b in zip(low, high, strict=True)))
+    inside = shapely.contains_xy(room, x, y)
+    places = shapely.points(x[inside], y[inside])
+    near, _ = shapely.STRtree(faces).query(places, predicate="dwithin", distance=ROBOT_RADIUS_M)
+    return len(np.unique(near)) < len(places)
+
+
+def _without_cracks(part: shapely.Polygon) -> shapely.Polygon:
+    """A polygon with those of its holes that a robot fits into."""
+    holes = [h for h in part.interiors if not shapely.Polygon(h).buffer(-ROBOT_RADIUS_M).is_empty]
+    return shapely.Polygon(part.exterior, holes)
 
 
 def _is_inside(triangles: NDArray[np.float64], region: shapely.Polygon) -> bool:
