@@ -708,6 +708,8 @@ def test_a_saved_state_moves_models(tmp_path: Path) -> None:
         ("turtlebot3_burger", (0.2, 0.2, 0.2), "robot"),
         ("hospital_car_park_building", (20, 10, 9), "building"),
         ("elevator_car", (1.5, 2.3, 2.5), "object"),
+        ("warehouse_pallet_jack", (1.2, 0.5, 1), "object"),
+        ("warehouse_shelf", (2.1, 18, 6.5), "object"),
         ("tour_bus", (12, 2.6, 3.5), "vehicle"),
         ("bicycle", (0.6, 1.8, 1.1), "vehicle"),
         ("walking_street", (30, 20, 6), "building"),

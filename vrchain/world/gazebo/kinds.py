@@ -40,6 +40,8 @@ _FLAT_M, _WIDE_M = 0.25, 2.0
 _FLAT_SHARE = 0.03  # of its lesser side, that hilly ground may be high
 _SLIM_M, _TALL_M = 0.8, 2.0
 _BUILDING_M = (5.0, 5.0, 2.5)
+_LEAST_BUILDING_M = (2.5, 2.0)  # wide and high: what is named after a warehouse may be a pallet
+_BUILDINGS = ("house", "shop", "building", "barn")
 
 
 def guess(name: str, size_m: tuple[float, float, float], leafy: bool) -> str:
@@ -55,6 +57,7 @@ def guess(name: str, size_m: tuple[float, float, float], leafy: bool) -> str:
         "robot": max(size_m) <= _ROBOT_M,
         "person": long_m <= _PERSON_M[0] and z_m <= _PERSON_M[1],
         "vehicle": z_m < long_m <= _VEHICLE_M[1] and wide_m <= _VEHICLE_M[0],
+        **dict.fromkeys(_BUILDINGS, wide_m >= _LEAST_BUILDING_M[0] and z_m >= _LEAST_BUILDING_M[1]),
     }
     named = _named(name, {kind for kind, it_does in fits.items() if not it_does})
     if named:
