@@ -12,6 +12,7 @@ from vrchain.experiments.missions.collision_free import FreeSpace
 from vrchain.geometry import Pose
 from vrchain.simulation.simulator import Simulator
 from vrchain.world import Scene
+from vrchain.world.gazebo import obstacles
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest corner
 WALLS: list[Box] = [
@@ -130,3 +131,11 @@ def test_a_wall_alone_has_its_doorway(tmp_path: Path, thick_m: float) -> None:
 def test_what_hangs_above_robots_and_what_lies_below_stop_none(tmp_path: Path) -> None:
     scene = placed(tmp_path, boxes(((-3, -3, 1.7), (3, 3, 2)), ((-3, -3, 0), (3, 3, 0.04))))
     assert free(scene, (0, 0)) == [True]
+
+
+def test_what_has_too_many_faces_is_its_hull(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(obstacles, "_MOST_FACES", 30)
+    scene = placed(tmp_path, boxes(*WALLS, *DOOR))
+    assert free(scene, (0, 0), OUTSIDE) == [False, True]

@@ -11,7 +11,8 @@ from vrchain.world.model import ROBOT_RADIUS_M, band, ground_polygon
 _SLICES_M = (0.3, 0.8, 1.3)  # where it is asked what is inside
 _SKIN_M = 0.005  # around all faces, most of which are upright: seen from above they are lines
 _GRID_M = 0.001  # to which corners are rounded, so that walls meet
-_STEP_M, _MOST_PLACES = 0.2, 10_000  # between places where a robot may fit
+_MOST_FACES = 200_000  # that stand in the way; more are taken for their hull
+_STEP_M, _MOST_PLACES = 0.2, 250_000  # between places where a robot may fit
 _FLAW_M2 = 0.01  # of free space that is none
 
 Pieces = tuple[tuple[Part, ...], ...]
@@ -61,21 +62,24 @@ def as_it_stands(triangles: NDArray[np.float64]) -> shapely.Geometry | None:
     enclose is free: the winding number tells them apart.
     """
     hull = ground_polygon(triangles)
-    if hull.is_empty:
+    room = hull.buffer(_STEP_M)  # a wall's hull may be slimmer than a step
+    if hull.is_empty or shapely.minimum_bounding_radius(hull) < ROBOT_RADIUS_M:
         return None
     points, owner = band(triangles)
     order = np.argsort(owner, kind="stable")
     _, number = np.unique(owner[order], return_inverse=True)
+    if number[-1] >= _MOST_FACES:
+        return None
     faces = shapely.convex_hull(shapely.multipoints(points[order], indices=number))
-    room = hull.buffer(_STEP_M)  # a wall's hull may be slimmer than a step
     if not _has_room(room, faces):
         return None
     walls = shapely.union_all(shapely.buffer(faces, _SKIN_M, quad_segs=1), grid_size=_GRID_M)
     beyond = hull.buffer(2 * ROBOT_RADIUS_M)
+    slices = [_slice(triangles, z_m) for z_m in _SLICES_M]
     solid = [
         region.buffer(ROBOT_RADIUS_M)
         for region in shapely.get_parts(beyond - walls.buffer(ROBOT_RADIUS_M))
-        if not region.intersects(beyond.exterior) and _is_inside(triangles, region)
+        if not region.intersects(beyond.exterior) and _is_inside(slices, region)
     ]
     parts = shapely.get_parts(shapely.union_all([walls, *solid]))
     shape = shapely.union_all([_without_cracks(part) for part in parts])
@@ -84,8 +88,8 @@ def as_it_stands(triangles: NDArray[np.float64]) -> shapely.Geometry | None:
 
 def _has_room(room: shapely.Polygon, faces: NDArray[np.object_]) -> bool:
     """Whether some place of a room is so far from all faces that a robot may fit."""
-    step_m = max(_STEP_M, float(np.sqrt(room.area / _MOST_PLACES)))
     low, high = np.array(room.bounds).reshape(2, 2)
+    step_m = max(_STEP_M, float(np.sqrt(np.prod(high - low) / _MOST_PLACES)))
     x, y = np.meshgrid(*(np.arange(a, b + step_m, step_m) for a, b in zip(low, high, strict=True)))
     inside = shapely.contains_xy(room, x, y)
     places = shapely.points(x[inside], y[inside])
@@ -99,16 +103,10 @@ def _without_cracks(part: shapely.Polygon) -> shapely.Polygon:
     return shapely.Polygon(part.exterior, holes)
 
 
-def _is_inside(triangles: NDArray[np.float64], region: shapely.Polygon) -> bool:
-    """Whether a region that is enclosed lies within a solid."""
-    place = np.array(region.representative_point().coords[0])
-    return float(np.median([_winding(triangles, place, z_m) for z_m in _SLICES_M])) > 0.5
+def _slice(triangles: NDArray[np.float64], z_m: float) -> NDArray[np.float64]:
+    """Where a level plane cuts triangles: starts and ends, (k, 2, 2), their outside on the right.
 
-
-def _winding(triangles: NDArray[np.float64], place_xy_m: NDArray[np.float64], z_m: float) -> float:
-    """How often the outlines of a level slice run anticlockwise around a place.
-
-    Open ones count as the share of a turn that they span: Jacobson et al., ACM TOG 32(4), 2013.
+    So outlines of what is solid run anticlockwise.
     """
     above = triangles[:, :, 2] >= z_m
     cut = triangles[above.any(axis=1) & ~above.all(axis=1)]
@@ -117,10 +115,27 @@ def _winding(triangles: NDArray[np.float64], place_xy_m: NDArray[np.float64], z_
     turned = np.take_along_axis(cut, ((lone[:, None] + np.arange(3)) % 3)[..., None], axis=1)
     a, others = turned[:, :1], turned[:, 1:]
     share = (z_m - a[..., 2:]) / (others[..., 2:] - a[..., 2:])
-    ends = (a + share * (others - a))[..., :2] - place_xy_m
+    ends = (a + share * (others - a))[..., :2]
     normal = np.cross(cut[:, 1] - cut[:, 0], cut[:, 2] - cut[:, 0])[:, :2]
-    start, end = ends[:, 0], ends[:, 1]
-    along = end - start
-    outside_right = normal[:, 0] * along[:, 1] - normal[:, 1] * along[:, 0]
-    turn = np.arctan2(start[:, 0] * end[:, 1] - start[:, 1] * end[:, 0], (start * end).sum(axis=1))
-    return float((np.sign(outside_right) * turn).sum() / (2 * np.pi))
+    wrong = _cross(normal, ends[:, 1] - ends[:, 0]) < 0
+    ends[wrong] = ends[wrong][:, ::-1]
+    return ends
+
+
+def _is_inside(slices: list[NDArray[np.float64]], region: shapely.Polygon) -> bool:
+    """Whether a region that is enclosed lies within a solid, as most slices have it.
+
+    By how often their outlines run around it, where open ones count as the share of a turn that
+    they span: Jacobson et al., ACM TOG 32(4), 2013.
+    """
+    place = np.array(region.representative_point().coords[0])
+    turns = []
+    for ends in slices:
+        start, end = np.moveaxis(ends - place, 1, 0)
+        angle = np.arctan2(_cross(start, end), (start * end).sum(axis=1))
+        turns.append(angle.sum() / (2 * np.pi))
+    return float(np.median(turns)) > 0.5
+
+
+def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
+    return a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0]
