@@ -201,8 +201,10 @@ class Scene:
 
     @cached_property
     def _solids(self) -> tuple[list[SceneObject], shapely.STRtree]:
+        """The parts of all footprints, and whose each is."""
         solids = [o for o in self.objects if o.solid]
-        return solids, shapely.STRtree([o.footprint for o in solids])
+        parts, owner = shapely.get_parts([o.footprint for o in solids], return_index=True)
+        return [solids[k] for k in owner], shapely.STRtree(parts)
 
     def clearance_m(self, points_xy_m: ArrayLike) -> NDArray[np.float64]:
         """Distance of points, (n, 2), to the nearest solid footprint: (n,) float, 0 inside."""
