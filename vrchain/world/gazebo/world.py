@@ -16,7 +16,7 @@ from vrchain.world import backdrop, light
 from vrchain.world.backdrop import outdoors
 from vrchain.world.gazebo import ground
 from vrchain.world.gazebo.designs import MOST_TRIANGLES, Design, Designs, unique
-from vrchain.world.gazebo.files import Notes, is_file, model_folders
+from vrchain.world.gazebo.files import VARIABLES, Notes, is_file, model_folders
 from vrchain.world.gazebo.frames import FARTHEST_M, Matrix, Placed
 from vrchain.world.gazebo.materials import Materials
 from vrchain.world.gazebo.parts import moved
@@ -50,13 +50,14 @@ class _Thing(NamedTuple):
         if thing.solid and pieces:  # what its visuals stand around is free
             corners = ([moved(p, matrix).vertices_m[p.faces] for p in piece] for piece in pieces)
             outline = shapely.union_all([ground_polygon(np.concatenate(c)) for c in corners])
-        placed = replace(thing, name=self.name, surfaces=surfaces, outline=outline)
-        if not np.abs(placed.bounds_m).max() < FARTHEST_M:
-            raise self.placed.element.error(
-                f"the model {self.name[:80]!r} lies more than {FARTHEST_M / 1000:g} km away: "
-                "mend its <pose>"
-            )
-        return placed
+        return replace(thing, name=self.name, surfaces=surfaces, outline=outline)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether it lies farther away than any map reaches."""
+        surfaces, away = self.design.prototype.surfaces, self.placed.matrix[:3, 3]
+        reach_m = np.abs(self.design.prototype.bounds_m).max() if surfaces else 0.0
+        return bool(np.abs(away).max() + reach_m > FARTHEST_M)
 
 
 def _moved(surface: Surface, matrix: Matrix) -> Surface:
@@ -64,11 +65,12 @@ def _moved(surface: Surface, matrix: Matrix) -> Surface:
     return replace(surface, vertices_m=points.astype(np.float32))
 
 
-def load_world(path: str | Path) -> Scene:
+def load_world(path: str | Path, *, strict: bool = False) -> Scene:
     """The scene of a ``.world`` or ``.sdf`` file, whose models lie in ``model_folders``.
 
-    What is not supported is told by one UnsupportedWarning. Raises SpecError, with the file and
-    the line or element, on anything amiss.
+    What is not supported, and every file that is missing, is told by one UnsupportedWarning;
+    strict: missing files are an error. Raises SpecError, with the file and the line or element, on
+    anything else amiss.
     """
     path = scene_file(path)
     if not is_file(path):
@@ -80,13 +82,22 @@ def load_world(path: str | Path) -> Scene:
     models = [placed for model in world.models for placed in model.flat(np.eye(4))]
     designs = Designs(Materials(folders, notes), notes, ground.visual_of(models))
     taken: dict[str, int] = {}
-    things = [
-        _Thing(unique(placed.name, taken), placed, design)
-        for placed in models
-        if (design := designs.of(placed.model)) is not None
-    ]
+    things = []
+    for placed in models:
+        if (design := designs.of(placed.model)) is not None:
+            thing = _Thing(unique(placed.name, taken), placed, design)
+            if thing.is_far:
+                notes.add(f"models more than {FARTHEST_M / 1000:g} km away, left out", thing.name)
+            else:
+                things.append(thing)
+    if notes.lost:
+        hint = f"; looked for in {folders}: name more folders in {VARIABLES[0]} or {VARIABLES[1]}"
+        if strict:
+            raise SpecError(f"{path}: {notes.lost}{hint}")
+    else:
+        hint = ""
     if not things:
-        why = f": not supported: {notes}" if notes else ""
+        why = f": not supported: {notes}{hint}" if notes else ""
         raise SpecError(f"{path}: nothing in this world can be drawn{why}")
     triangles = sum(len(s.faces) for thing in things for s in thing.design.prototype.surfaces)
     if len(things) > MOST_MODELS or triangles > MOST_TRIANGLES:
@@ -99,7 +110,8 @@ def load_world(path: str | Path) -> Scene:
     else:
         scene = _scene(path, world, things, designs, notes)
     if notes:
-        warnings.warn(f"{path}: not supported or simplified: {notes}", UnsupportedWarning, 3)
+        told = f"{path}: not supported or simplified: {notes}{hint}"
+        warnings.warn(told, UnsupportedWarning, 3)
     return scene
 
 

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
 from vrchain.world.gazebo.materials import Look
-from vrchain.world.gazebo.parts import MOST_MESH_TRIANGLES, MeshFile, Part, moved
+from vrchain.world.gazebo.parts import MOST_MESH_NODES, MOST_MESH_TRIANGLES, MeshFile, Part, moved
 from vrchain.world.gazebo.scripts import HALF
-from vrchain.world.gazebo.xml import check
+from vrchain.world.gazebo.xml import checked
 
-MOST_MESH_NODES = 20_000  # every use of one counted
 _UPRIGHT: dict[str, NDArray[np.float64]] = {
     "Y_UP": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
     "X_UP": np.array([[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
@@ -33,7 +32,7 @@ class Collada(MeshFile):
         """What it shows, in metres, z up. Raises SpecError."""
         import collada
 
-        check(data, self.file)
+        data = checked(data, self.file)
         unit_m, up_axis = check_collada(data, self.file)
         document = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
         base = np.diag([unit_m, unit_m, unit_m, 1.0])
