@@ -3,9 +3,13 @@
 Every path is resolved, and stays in the folders given.
 """
 
+import hashlib
 import os
 import re
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
@@ -50,7 +54,9 @@ class Folders:
         """What lies at a path, resolved; None where nothing does or the path leads out."""
         path = _resolved(place)
         allowed = any(path.is_relative_to(folder) for folder in (*self.models, self.world))
-        return path if allowed and _exists(path) else None
+        if not allowed:
+            return None
+        return path if _noted("path", place) else None
 
     def hold(self, path: Path) -> bool:
         """Whether a path leads into one of these folders."""
@@ -94,7 +100,12 @@ def _tails(path: str) -> list[str]:
 
 def is_file(path: Path) -> bool:
     """Whether a path is a file's. Raises SpecError where that cannot be told."""
-    return _exists(path) and path.is_file()
+    return _noted("kind", path) == "file"
+
+
+def files_in(folder: Path, pattern: str) -> list[Path]:
+    """The files of a folder whose names have a pattern, in order; none if it is no folder."""
+    return [folder / name for name in _noted(f"names {pattern}", folder).split("/") if name]
 
 
 def read_bytes(path: Path, most: int) -> bytes:
@@ -108,7 +119,58 @@ def read_bytes(path: Path, most: int) -> bytes:
         raise SpecError(f"{path}: cannot read it: {error.strerror or error}") from error
     if len(data) > most:
         raise SpecError(f"{path}: expected at most {most >> 20} MiB, this file is larger")
+    if (seen := _WATCHED.get()) is not None:
+        seen.found.append(("bytes", str(path), hashlib.sha256(data).hexdigest()))
     return data
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What was looked at: (what of it, path, answer) each."""
+
+    found: list[tuple[str, str, str]]
+
+    def still_holds(self) -> bool:
+        """Whether all is as it was."""
+        return all(_look(what, Path(path)) == answer for what, path, answer in self.found)
+
+
+_WATCHED: ContextVar[Watched | None] = ContextVar("watched", default=None)
+
+
+@contextmanager
+def watching() -> Iterator[Watched]:
+    """Note what is looked at in files and folders while the block runs."""
+    token = _WATCHED.set(Watched([]))
+    try:
+        seen = _WATCHED.get()
+        assert seen is not None
+        yield seen
+    finally:
+        _WATCHED.reset(token)
+
+
+def _noted(what: str, path: Path) -> str:
+    answer = _look(what, path)
+    if (seen := _WATCHED.get()) is not None:
+        seen.found.append((what, str(path), answer))
+    return answer
+
+
+def _look(what: str, path: Path) -> str:
+    """What is at a path: where a link leads, which kind, which names, or a digest; "" for none."""
+    if what == "path":
+        resolved = _resolved(path)
+        return str(resolved) if _exists(resolved) else ""
+    if what == "kind":
+        return "file" if _exists(path) and path.is_file() else ""
+    if what == "bytes":
+        if not path.is_file():
+            return ""
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    found = path.glob(what.removeprefix("names ")) if path.is_dir() else ()
+    return "/".join(sorted(f.name for f in found if f.is_file()))
 
 
 def _exists(path: Path) -> bool:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.files import Folders, Notes, is_file, read_bytes
+from vrchain.world.gazebo.files import Folders, Notes, files_in, is_file, read_bytes
 from vrchain.world.gazebo.scripts import HALF, PICTURED, STOCK, WHITE, Colour, Script, read_script
 from vrchain.world.gazebo.xml import Element
 
@@ -205,8 +205,8 @@ def _script_files(places: list[Path]) -> Iterator[Path]:
     for place in places:
         if is_file(place):
             yield place
-        elif place.is_dir():
-            yield from sorted(f for f in place.glob("*.material") if is_file(f))
+        else:
+            yield from files_in(place, "*.material")
 
 
 def read_picture(file: Path | Embedded) -> NDArray[np.uint8]:

@@ -14,9 +14,9 @@ from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.paths import scene_file
 from vrchain.world import backdrop, light
 from vrchain.world.backdrop import outdoors
-from vrchain.world.gazebo import ground
+from vrchain.world.gazebo import cache, ground
 from vrchain.world.gazebo.designs import MOST_TRIANGLES, Design, Designs, unique
-from vrchain.world.gazebo.files import VARIABLES, Notes, is_file, model_folders
+from vrchain.world.gazebo.files import VARIABLES, Folders, Notes, is_file, model_folders
 from vrchain.world.gazebo.frames import FARTHEST_M, Matrix, Placed
 from vrchain.world.gazebo.materials import Materials
 from vrchain.world.gazebo.parts import moved
@@ -76,8 +76,27 @@ def load_world(path: str | Path, *, strict: bool = False) -> Scene:
     if not is_file(path):
         what = "is a folder" if path.is_dir() else "is not there"
         raise SpecError(f"{path} {what}: give a world file ({' or '.join(SUFFIXES)})")
-    notes = Notes()
     folders = model_folders(path)
+    loaded: _Loaded = cache.kept(
+        [str(path.absolute()), *map(str, folders.models)], lambda: _load(path, folders, strict)
+    )
+    if strict and loaded.lost:
+        raise SpecError(f"{path}: {loaded.lost}")
+    if loaded.told:
+        warnings.warn(f"{path}: {loaded.told}", UnsupportedWarning, 3)
+    return loaded.scene
+
+
+class _Loaded(NamedTuple):
+    """A scene, what is told of its world, and of the files that are missing."""
+
+    scene: Scene
+    told: str
+    lost: str
+
+
+def _load(path: Path, folders: Folders, strict: bool) -> _Loaded:
+    notes = Notes()
     world = read_world(path, folders, notes)
     models = [placed for model in world.models for placed in model.flat(np.eye(4))]
     designs = Designs(Materials(folders, notes), notes, ground.visual_of(models))
@@ -109,10 +128,8 @@ def load_world(path: str | Path, *, strict: bool = False) -> Scene:
         scene = _own_scene(world.name, things, world.ours, notes)
     else:
         scene = _scene(path, world, things, designs, notes)
-    if notes:
-        told = f"{path}: not supported or simplified: {notes}{hint}"
-        warnings.warn(told, UnsupportedWarning, 3)
-    return scene
+    told = f"not supported or simplified: {notes}{hint}" if notes else ""
+    return _Loaded(scene, told, f"{notes.lost}{hint}")
 
 
 def _scene(
