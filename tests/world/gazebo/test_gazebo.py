@@ -469,9 +469,9 @@ def test_pictures_of_more_than_8_bits(
 
 
 def test_a_mesh_of_another_kind_is_left_out(tmp_path: Path) -> None:
-    body = model(visual(mesh("a.glb", "<submesh><name>A</name></submesh>")) + CUBE)
-    with told("none of .dae", "left out: 1 (a.glb)"):
-        assert only(load(tmp_path, body, {"worlds/a.glb": b"glTF"})).size_m == (1, 1, 1)
+    body = model(visual(mesh("a.fbx", "<submesh><name>A</name></submesh>")) + CUBE)
+    with told("none of .dae", "left out: 1 (a.fbx)"):
+        assert only(load(tmp_path, body, {"worlds/a.fbx": b"Kaydara"})).size_m == (1, 1, 1)
 
 
 @pytest.mark.parametrize(
@@ -650,7 +650,7 @@ def test_what_later_and_earlier_sdf_has_besides_is_told(tmp_path: Path) -> None:
     crate = model(CUBE, name="m")
     body = (
         '<scene><fog><type>linear</type></fog></scene><gui><plugin filename="libview.so"/></gui>'
-        + crate.replace('name="m"', 'name="m" placement_frame="link"')
+        + crate
         + crate.replace('name="m"', 'name="n"').replace('"link">', '"link"><pose frame="f"/>')
         + "<include><uri>model://c</uri><experimental:params/></include>"
         + '<state><model name="m"><pose>5 0 0 0 0 0</pose><link name="link"><pose>5 0 2 0 0 0'
@@ -661,7 +661,7 @@ def test_what_later_and_earlier_sdf_has_besides_is_told(tmp_path: Path) -> None:
     files = gz.folder_of("c", crate.replace('name="m"', 'name="c"'))
     files |= gz.folder_of("p", model(visual(box("1 1 2"), material=pbr), name="p"))
     with told(
-        "fog: 1", "plugins: 1 (libview.so)", "placement frames: 1 (m)", "normal maps: 1",
+        "fog: 1", "plugins: 1 (libview.so)", "normal maps: 1",
         "frames of poses, as of SDF 1.5: 1 (f)", "parameters of includes: 1",
         "parts that a saved state moves in their model: 1 (m)",
     ):  # fmt: skip

@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
 from vrchain.world.gazebo.materials import Look
-from vrchain.world.gazebo.parts import MOST_MESH_TRIANGLES, MeshFile, Part, moved
+from vrchain.world.gazebo.parts import MOST_MESH_NODES, MOST_MESH_TRIANGLES, MeshFile, Part, moved
 from vrchain.world.gazebo.scripts import HALF
-from vrchain.world.gazebo.xml import check
+from vrchain.world.gazebo.xml import checked
 
-MOST_MESH_NODES = 20_000  # every use of one counted
 _LUMINANCE = (0.212671, 0.715160, 0.072169)  # of ITU-R BT.709, as the specification has it
 _CLEAR_BELOW = 0.5  # of alpha: as for a visual's <transparency>
 
@@ -31,7 +30,7 @@ class Collada(MeshFile):
         """What it shows, in metres, z up whatever its <up_axis>, as in Gazebo. Raises SpecError."""
         import collada
 
-        check(data, self.file)
+        data = checked(data, self.file)
         unit_m = check_collada(data, self.file)
         document = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
         base = np.diag([unit_m, unit_m, unit_m, 1.0])
