@@ -30,12 +30,12 @@ CRATE = model(CUBE)
 
 
 def refused(folder: Path, document: str | bytes, files: gz.Files | None = None) -> str:
-    """The one line that a world is refused with, in seconds."""
+    """The one line that a world is refused with, in seconds of the processor."""
     write(folder, {"worlds/test.world": document, **(files or {})})
-    start_s = time.monotonic()
+    start_s = time.process_time()
     with pytest.raises(SpecError) as told:
         load_scene(folder / "worlds" / "test.world")
-    assert time.monotonic() - start_s < 10
+    assert time.process_time() - start_s < 10
     message = str(told.value)
     assert "\n" not in message and len(message) < 900
     return message
