@@ -76,6 +76,7 @@ HOMES = {
     "mcap": ("ros",),
     "nats": ("ledger.network",),
     "rospy": ("ros",),
+    "rclpy": ("ros",),
 }
 
 MOST_MODULES = 16  # in a folder
