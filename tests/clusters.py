@@ -17,8 +17,9 @@ from vrchain.ledger.cluster.servers import Cluster, find_server
 from vrchain.ledger.errors import LogError
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.maker import Maker
+from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.opening import follow_servers
-from vrchain.ledger.network.stream import BLOCKS, OFFERS, Offers
+from vrchain.ledger.network.stream import BLOCKS, OFFERS
 from vrchain.ledger.rules.limits import UNLIMITED
 
 PATIENCE_S = 60.0  # for what takes a second on a machine with nothing else to do

@@ -2,6 +2,7 @@
 
 import shutil
 from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -10,6 +11,9 @@ from ledgers import new_ledger, small_ledger
 
 from vrchain.ledger import Ledger
 from vrchain.ledger.cluster.servers import Cluster
+from vrchain.ledger.network.connection import Connection, Servers
+from vrchain.ledger.network.log import put
+from vrchain.ledger.network.stream import Stream
 
 
 @pytest.fixture
@@ -49,3 +53,14 @@ def servers(running: Cluster) -> Cluster:
     running.wait_ready()
     emptied(running)
     return running
+
+
+@pytest.fixture
+def address(servers: Cluster, folder: Path) -> str:
+    """Of servers that hold ``small_ledger``."""
+    with (
+        Ledger.open(folder) as ledger,
+        closing(Stream(Connection(Servers.at(servers.address)))) as stream,
+    ):
+        put(ledger, stream, -1)
+    return servers.address

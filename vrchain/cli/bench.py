@@ -14,7 +14,7 @@ from vrchain.paths import BUILD, SCENES
 if TYPE_CHECKING:
     import pandas as pd
 
-CLUSTER_PARTS = ("rest", "load", "flood", "kills", "bit", "hostile", "backlog")
+CLUSTER_PARTS = ("rest", "load", "flood", "kills", "bit", "hostile", "backlog", "transmission")
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed.")
 
@@ -133,11 +133,13 @@ def cluster(
 
     rest: an update beside a bare publish and a folder's, in turns; load: robots flat out, a process
     each; flood: two robots, while a third floods; kills, bit: what is lost when things fail;
-    hostile: attacks, and what stops each; backlog: many robots. Times are in milliseconds; the
+    hostile: attacks, and what stops each; backlog: many robots; transmission: bytes
+    and messages on the wire as they all offer one panorama. Times are in milliseconds; the
     modules of experiments.ledger say more.
     """
     from vrchain.experiments.ledger import cluster as measured
     from vrchain.experiments.ledger import failures, hostile
+    from vrchain.experiments.ledger import transmission as wires
 
     ways: dict[str, Callable[[], pd.DataFrame]] = {
         "rest": lambda: measured.at_rest(updates, seed=seed),
@@ -147,6 +149,9 @@ def cluster(
         "bit": lambda: failures.flipped_bit(seed=seed),
         "hostile": lambda: hostile.attacks(seed),
         "backlog": lambda: measured.backlog(many, seconds=seconds, seed=seed),
+        "transmission": lambda: wires.over_servers(
+            [n for n in wires.ROBOTS if n <= many], seed=seed
+        ),
     }
     parts = part or ["rest", "load", "hostile"]
     if unknown := [name for name in parts if name not in ways]:

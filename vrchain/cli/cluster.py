@@ -22,9 +22,11 @@ from vrchain.ledger.export import entry_json
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.log import put as put_blocks
 from vrchain.ledger.network.maker import Maker
+from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.opening import follow_servers, open_ledger
+from vrchain.ledger.network.outbox import refused_in, waiting_in
 from vrchain.ledger.network.robot import RobotLedger
-from vrchain.ledger.network.stream import Offers, Stream, set_up
+from vrchain.ledger.network.stream import Stream, set_up
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
 
 app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger.")
@@ -275,21 +277,24 @@ def watch(
 
 
 def _news(ledger: Ledger) -> list[tuple[dict[str, Any], str]]:
-    """What members say of themselves, and what is wrong: as an object and as a line."""
+    """What waits and was refused, what members say, what is wrong: as an object and as a line."""
+    found: list[tuple[dict[str, Any], str]] = []
+    if waiting := waiting_in(ledger.folder):
+        found.append(({"waiting": waiting}, f"{waiting} wait in the outbox of {ledger.folder}"))
+    for robot, sequence, why in refused_in(ledger.folder):
+        line = f"transaction {sequence} of {robot} was refused: {why}"
+        found.append(({"refused": robot, "sequence": sequence, "why": why}, line))
     if not isinstance(ledger, RobotLedger):
-        return []
-    found: list[tuple[dict[str, Any], str]] = [
-        ({"member": n, "height": at, "waiting": w}, f"{n} is at block {at}, {w} in its outbox")
-        for n, (at, w) in ledger.others.items()
-    ]
+        return found
+    for name, (height, standing) in ledger.others.items():
+        line = f"{name} is at block {height}, {standing.waiting} in its outbox"
+        if standing.refused:
+            line += f", {standing.refused} refused"
+        if standing.alarms:
+            line += f", {standing.alarms} times a server's log was wrong"
+        found.append(({"member": name, "height": height, **standing._asdict()}, line))
     wrong = [*ledger.alarms, *map(str, ledger.trouble.values())]
     return [*found, *[({"trouble": line}, line) for line in wrong]]
-
-
-def _tls(certificates: Path | None, name: str) -> Tls | None:
-    if certificates is None:
-        return None
-    return Tls(certificates / f"{name}.crt", certificates / f"{name}.key", certificates / "ca.crt")
 
 
 def _users(ledger: Ledger, makers: list[str] | None) -> Users:

@@ -193,6 +193,10 @@ class GapError(LogError):
     """What the log gives does not go on from the chain: a block is missing or another one."""
 
 
+class RefusedError(LedgerError):
+    """An offer never comes into a block; it lies in the folder ``outbox/refused``."""
+
+
 class NotSettledError(LedgerError):
     """The robot may have signed what this folder does not know: it has to read the chain first."""
 

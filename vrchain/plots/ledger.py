@@ -10,6 +10,7 @@ from matplotlib.patches import FancyBboxPatch
 from matplotlib.ticker import NullFormatter, NullLocator
 
 from vrchain.experiments.ledger.size import KEEP, LAYOUTS, TEAM, TOGETHER
+from vrchain.experiments.ledger.transmission import WAYS
 from vrchain.ledger import Entry, Transaction
 from vrchain.ledger.records.transaction import NO_TRANSACTION
 from vrchain.plots.style import (
@@ -32,6 +33,7 @@ _STYLES = {
     "several a block": (SKY, "D"),
     "retention": (GREEN, "^"),
 }
+_WIRES = {"everyone": (RED, "o"), "blobs": (BLUE, "s"), "fetched": (GREEN, "^")}
 _SHORT = {
     "one a block": "one transaction\na block",
     "several a block": f"{TOGETHER} transactions\na block",
@@ -151,6 +153,33 @@ def ledger_size_figure(sizes: pd.DataFrame, note: str = "") -> Figure:
     beside.set_title(f"Records, beside the panoramas: {TEAM} robots")
     legend_below(figure, over_positions.lines, 3, note)
     figure.suptitle("How large a ledger gets")
+    return figure
+
+
+def transmission_figure(table: pd.DataFrame, payload_bytes: int, note: str = "") -> Figure:
+    """``transmission.transmission``: on all wires, messages, and what one robot sends."""
+    figure, (on_wires, messages, sent) = panels(14.5, 4.9, 1, 3)
+    robots = table.robots.drop_duplicates()
+    square = "n² panoramas: the formula"
+    on_wires.plot(robots, robots**2 * payload_bytes, ":", lw=2.5, color="#333333", label=square)
+    for axes, what in ((on_wires, "bytes"), (messages, "messages"), (sent, "sent_bytes")):
+        for way, (colour, marker) in _WIRES.items():
+            rows = table[(table.way == way) & ~table.measured]
+            axes.plot(
+                rows.robots, rows[what], marker, ls="-", lw=1.2, ms=7, color=colour,
+                label=WAYS[way], mfc="white" if way == "fetched" else colour,
+            )  # fmt: skip
+        axes.set(xscale="log", yscale="log", xlabel="robots, one panorama each")
+        axes.set_xticks(list(robots), [str(count) for count in robots])
+        axes.xaxis.set_minor_locator(NullLocator())
+        axes.grid(axis="y", color="#dddddd", lw=0.6)
+    for axes in (on_wires, sent):
+        axes.yaxis.set_major_formatter(lambda size, _: in_units(size, BYTES))
+    on_wires.set(title="On all wires", ylabel="bytes (logarithmic)")
+    messages.set(title="Messages", ylabel="messages (logarithmic)")
+    sent.set(title="Sent by one robot", ylabel="bytes (logarithmic)")
+    legend_below(figure, on_wires.lines, 4, note)
+    figure.suptitle("What a team sends until every robot can have every panorama")
     return figure
 
 

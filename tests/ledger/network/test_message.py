@@ -8,12 +8,15 @@ from vrchain.ledger import Offer
 from vrchain.ledger.errors import EncodingError, TooLargeError
 from vrchain.ledger.network.message import (
     MAX_MESSAGE_BYTES,
+    Standing,
     pack_entry,
     pack_head,
     pack_offer,
+    pack_refusal,
     unpack_entry,
     unpack_head,
     unpack_offer,
+    unpack_refusal,
 )
 from vrchain.ledger.records.encoding import digest
 
@@ -24,7 +27,7 @@ def test_a_message_comes_out_as_it_went_in() -> None:
     chain = new_chain()
     entry = next_entry(chain)
     assert unpack_entry(pack_entry(entry, BLOBS)) == (entry, BLOBS)
-    assert unpack_head(pack_head(entry.block, 7)) == (entry.block, 7)
+    assert unpack_head(pack_head(entry.block, Standing(7, 2, 1))) == (entry.block, (7, 2, 1))
     for landmarks in (None, b"", b"seen"):
         digests = digest(b"p"), bytes(32) if landmarks is None else digest(landmarks)
         signed = chain.draft("R1", digests[0], "view", 5, digests[1]).signed(KEYS["R1"])
@@ -34,18 +37,22 @@ def test_a_message_comes_out_as_it_went_in() -> None:
 
 def test_garbage_is_refused_by_a_kind_of_error() -> None:
     entry = next_entry(new_chain())
-    good = [pack_entry(entry, BLOBS), pack_head(entry.block, 1)]
+    good = [
+        pack_entry(entry, BLOBS),
+        pack_head(entry.block, Standing(1)),
+        pack_refusal("id", "why"),
+    ]
     for data in garbage(600, good):
-        for unpack in (unpack_entry, unpack_offer, unpack_head):
+        for unpack in (unpack_entry, unpack_offer, unpack_head, unpack_refusal):
             try:
                 unpack(data)
             except LedgerError:
                 continue
 
 
-@pytest.mark.parametrize("unpack", [unpack_entry, unpack_offer, unpack_head])
+@pytest.mark.parametrize("unpack", [unpack_entry, unpack_offer, unpack_head, unpack_refusal])
 def test_a_message_of_another_kind_is_refused(unpack: object) -> None:
-    for data in (b"", b"\0", pack_head(next_entry(new_chain()).block, 1)[:-1]):
+    for data in (b"", b"\0", pack_head(next_entry(new_chain()).block, Standing(1))[:-1]):
         with pytest.raises(EncodingError):
             unpack(data)  # type: ignore[operator]
 

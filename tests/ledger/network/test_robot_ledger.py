@@ -13,18 +13,10 @@ from ledgers import KEYS, OPERATOR_KEY
 from vrchain.ledger import Ledger, Limits, errors, verify
 from vrchain.ledger.cluster.servers import Cluster
 from vrchain.ledger.network.connection import Connection, Servers
-from vrchain.ledger.network.log import put
+from vrchain.ledger.network.message import pack_entry
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream
-
-
-@pytest.fixture
-def address(servers: Cluster, folder: Path) -> str:
-    """Of servers that hold ``small_ledger``."""
-    with Ledger.open(folder) as ledger, contextlib.closing(stream_of(servers.address)) as stream:
-        put(ledger, stream, -1)
-    return servers.address
 
 
 def stream_of(address: str) -> Stream:
@@ -264,12 +256,94 @@ def test_a_block_that_the_servers_lost_comes_from_another_robots_folder(
                 )
     with robot_at(address, tmp_path / "alone") as alone:
         with pytest.raises(
-            errors.GapError, match=r"block 4 .*leader n[123].*another robot's folder"
+            errors.GapError, match=r"127\.0\.0\.1:\d+: block 4 .*another robot's folder"
         ):
             alone.wait_until_followed()
         assert alone.head.height == 3 and verify(tmp_path / "alone").ok
     with robot_at(address, tmp_path / "alone", others=[tmp_path / "R1"]) as helped:
         helped.wait_until_followed()
         assert helped.head.height == 5
-        assert any("the leader n" in alarm and "block 4" in alarm for alarm in helped.alarms)
+        assert {alarm.partition(": block 4 ")[0] for alarm in helped.alarms} == {
+            node.address for node in servers.nodes
+        }
     assert verify(tmp_path / "alone").ok
+
+
+def test_a_server_that_lacks_a_block_is_named_though_another_robot_has_it(
+    address: str, servers: Cluster, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    """A stream that its operator may delete from, with a hole, as a lost block leaves one."""
+    with robot_at(address, tmp_path / "R1") as r1, robot_at(address, tmp_path / "R3") as r3:
+        r1.wait_until_followed()
+        r3.wait_until_followed()
+
+    async def spoil(client: object) -> None:
+        stream = client.jetstream()  # type: ignore[attr-defined]
+        await stream.delete_stream("block")
+        await stream.add_stream(name="block", subjects=["block"], num_replicas=3, allow_direct=True)
+        with Ledger.open(tmp_path / "R1") as ledger:
+            for entry in ledger.entries():
+                await stream.publish("block", pack_entry(entry, ledger.blobs_of(entry)))
+        await stream.delete_msg("block", 4)
+
+    with contextlib.closing(stream_of(address)) as stream:
+        stream.connection.run(spoil)
+    with (
+        robot_at(address, tmp_path / "new", name="R2", others=[tmp_path / "R1"]) as new,
+        robot_at(address, tmp_path / "R3", name="R3") as r3,
+    ):
+        new.wait_until_followed(PATIENCE_S)
+        assert new.head.height == 5
+        assert [a.split(": ", 1)[1] for a in new.alarms] == ["block 3 is missing"] * 3
+        assert {a.partition(": ")[0] for a in new.alarms} == {n.address for n in servers.nodes}
+        eventually(lambda: r3.others.get("R2") == (5, (0, 0, 3)), "others hear of it")
+    assert sum("block 3 is missing" in message for message in caplog.messages) == 3
+
+
+def test_two_halves_of_a_team_that_were_cut_from_each_other_merge(
+    address: str, servers: Cluster, tmp_path: Path
+) -> None:
+    """R1 and R3 lose sight of two servers, the third is down; R2 and the maker go on."""
+    proxies = [Proxy(node.address) for node in servers.nodes[:2]]
+    beyond = ",".join(proxy.address.removeprefix("nats://") for proxy in proxies)
+    members = {"R1": f"nats://{beyond}", "R2": address, "R3": f"nats://{beyond}"}
+    numbers = range(12)
+    with contextlib.ExitStack() as stack:
+        for proxy in proxies:
+            stack.enter_context(contextlib.closing(proxy))
+        maker = stack.enter_context(making(address, tmp_path / "maker"))
+        team = {
+            name: stack.enter_context(robot_at(where, tmp_path / name, timeout_s=2.0))
+            for name, where in members.items()
+        }
+        sent = {name: [r.publish(name, KEYS[name], b"0", "view", 60)] for name, r in team.items()}
+        for robot in team.values():
+            robot.wait(timeout_s=PATIENCE_S)
+        for proxy in proxies:
+            proxy.cut()
+        servers.stop(servers.nodes[2].name)
+        for number in numbers:
+            for name, robot in team.items():
+                payload = f"{name} {number}".encode()
+                sent[name].append(robot.publish(name, KEYS[name], payload, "view", 70 + number))
+        team["R2"].wait(timeout_s=PATIENCE_S)
+        for name in ("R1", "R3"):
+            assert team[name].outbox.count() == len(numbers)
+            assert team[name].latest(name) == sent[name][0]
+        for proxy in proxies:
+            proxy.mend()
+        servers.restart(servers.nodes[2].name)
+        for robot in team.values():
+            robot.wait(timeout_s=PATIENCE_S)
+        newest = {name: own[-1] for name, own in sent.items()}
+        for robot in team.values():
+            eventually(
+                lambda r=robot: r.refresh() or {n: r.latest(n) for n in newest} == newest,
+                "everyone has everyone's newest",
+            )
+            for name, own in sent.items():
+                assert robot.history(name)[-len(own) :] == own
+            assert len([r for e in robot.entries() for r in e.records]) == 6 + 3 * 13
+        assert len({robot.head.hash for robot in team.values()}) == 1
+        eventually(lambda: maker.counts["appended"] == 3 * 13)
+    assert all(verify(tmp_path / name).ok for name in (*members, "maker"))

@@ -79,9 +79,11 @@ class Team:
         assert isinstance(opened, RobotLedger)
         return opened
 
-    def stream(self) -> Stream:
-        """A connection of its own to the servers."""
-        return Stream(Connection(Servers.at(self.cluster.address)))
+    def stream(self, first: str = "") -> Stream:
+        """A connection of its own to the servers, of which it asks the one named first."""
+        nodes = sorted(self.cluster.nodes, key=lambda node: node.name != first)
+        address = f"nats://{','.join(node.address for node in nodes)}"
+        return Stream(Connection(Servers.at(address, in_order=bool(first))))
 
 
 @contextmanager

@@ -36,9 +36,16 @@ from vrchain.ledger.errors import ClusterError
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.log import put
 from vrchain.ledger.network.maker import Maker
-from vrchain.ledger.network.message import MAX_MESSAGE_BYTES, pack_head, pack_offer, unpack_head
+from vrchain.ledger.network.message import (
+    MAX_MESSAGE_BYTES,
+    Standing,
+    pack_head,
+    pack_offer,
+    unpack_head,
+)
+from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.replicated import EVIDENCE_NAME, Replicated
-from vrchain.ledger.network.stream import OFFERS_WAITING, Offers, Stream
+from vrchain.ledger.network.stream import OFFERS_WAITING, Stream
 from vrchain.ledger.records.block import Entry
 
 HOSTILE, OTHER, MAKER = "R1", "R2", "M"
@@ -292,7 +299,7 @@ def _second_block(stage: Stage) -> str:
     blob = {r.payload_digest: b"first" for r in first.records if isinstance(r, Transaction)}
     stage.by_maker.log.append(first, blob, stage.by_maker.head.height)
     stage.follower.catch_up()
-    told = pack_head(second.block, 0)  # what another robot says that it was given
+    told = pack_head(second.block, Standing(0))  # what another robot says that it was given
     try:
         stage.follower.convict(unpack_head(told)[0])
     except LedgerError as error:

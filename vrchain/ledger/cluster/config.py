@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from vrchain.ledger.network.connection import nkey, token
-from vrchain.ledger.network.stream import BLOCKS, HEADS, MAKER, OFFERS, SAID
+from vrchain.ledger.network.stream import BLOCKS, HEADS, MAKER, OFFERS, REFUSED, SAID
 from vrchain.ledger.records.keys import PublicKey
 
 CLUSTER_NAME = "vrchain"
@@ -70,9 +70,9 @@ def _permissions(name: str, makes: bool) -> dict[str, Any]:
         f"$JS.API.STREAM.INFO.{OFFERS}",
     ]
     if makes:
-        publish += [BLOCKS, f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"]
+        publish += [BLOCKS, f"{REFUSED}.*", f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"]
         publish += [f"$JS.ACK.{OFFERS}.{MAKER}.>"]
-    subscribe = [f"_INBOX.{own}.>", SAID, f"{HEADS}.*"]
+    subscribe = [f"_INBOX.{own}.>", SAID, f"{HEADS}.*", f"{REFUSED}.{own}"]
     return {"publish": {"allow": publish}, "subscribe": {"allow": subscribe}}
 
 

@@ -177,6 +177,17 @@ class Cluster:
         """One row a server: what it says of itself and of the ledger's streams."""
         return [_row(node) for node in self.nodes]
 
+    def traffic(self) -> tuple[int, int]:
+        """Messages, and bytes in them, that servers have exchanged with clients and each other."""
+        told = [_asked(node, "varz") for node in self.nodes]
+        routes = [r for node in self.nodes for r in _asked(node, "routez").get("routes") or []]
+
+        def sum_of(what: str) -> int:  # what servers say to each other, two of them have counted
+            both = sum(server[f"{way}_{what}"] for server in told for way in ("in", "out"))
+            return int(both - sum(route[f"in_{what}"] for route in routes))
+
+        return sum_of("msgs"), sum_of("bytes")
+
     @contextlib.contextmanager
     def running(self, key: SigningKey | None = None, name: str = "anyone") -> Iterator["Cluster"]:
         """The servers run until the block ends, whatever ends it."""

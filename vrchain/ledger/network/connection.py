@@ -49,6 +49,7 @@ class Servers:
 
     ``key``, ``name``: of the member or operator; without, they have to let in anyone. ``ca``: a
     file of certificates to trust, for ``tls://`` addresses; the system's if none is given.
+    ``in_order``: the first address is tried first, else any, so that robots spread.
     """
 
     addresses: tuple[str, ...]
@@ -56,6 +57,7 @@ class Servers:
     name: str = "anyone"
     ca: Path | None = None
     timeout_s: float = 5.0
+    in_order: bool = False
 
     @classmethod
     def at(cls, address: str, **rest: Any) -> "Servers":
@@ -199,6 +201,7 @@ class Connection(Closing):
         connecting = client.connect(
             list(servers.addresses),
             error_cb=heard,
+            dont_randomize=servers.in_order,
             name=servers.name,
             connect_timeout=max(1, round(within_s)),
             reconnect_time_wait=0.2,  # type: ignore[arg-type]

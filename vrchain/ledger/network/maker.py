@@ -12,23 +12,28 @@ from vrchain.errors import LedgerError
 from vrchain.ledger.errors import (
     ClockSkewError,
     DuplicateError,
+    EncodingError,
+    InputLimitError,
+    InvalidError,
     LogError,
     QueueFullError,
     RateLimitError,
+    RecordError,
     SequenceGapError,
     StorageError,
     UnknownMemberError,
 )
 from vrchain.ledger.network.message import unpack_offer
+from vrchain.ledger.network.offers import Offers, Waiting
 from vrchain.ledger.network.replicated import Replicated
-from vrchain.ledger.network.stream import Offers, Waiting
 from vrchain.ledger.records.keys import SigningKey
 from vrchain.ledger.records.transaction import Transaction
 from vrchain.ledger.rules.admission import Admission
 from vrchain.ledger.rules.limits import Limits
 
 _LATER_S = {SequenceGapError: 0.1, RateLimitError: 0.5, QueueFullError: 0.5, ClockSkewError: 5.0}
-_MOST_TRIES = 600  # then it is refused, whatever it waits for
+_MOST_TRIES = 600  # then it is let go, whatever it waits for: its robot sends it again
+_FOR_GOOD = EncodingError, RecordError, InputLimitError, InvalidError
 
 
 class Maker:
@@ -81,11 +86,15 @@ class Maker:
                 continue
             except DuplicateError:
                 over.append(offer)
+            except StorageError:  # this maker's own disk is at fault
+                raise
             except LedgerError as error:
                 self.counts[type(error).__name__] += 1
                 delay_s = _LATER_S.get(type(error))
                 tries = offer.message.metadata.num_delivered
                 if delay_s is None or (tries or 0) > _MOST_TRIES:
+                    if delay_s is None and isinstance(error, _FOR_GOOD):
+                        self._offers.refuse(str(error), offer)
                     over.append(offer)
                 else:
                     later.setdefault(delay_s, []).append(offer)
@@ -111,7 +120,10 @@ class Maker:
                 self.counts[type(error).__name__] += 1
                 if isinstance(error, StorageError):  # this maker's own disk is at fault
                     raise error
-                answered.append(waiting.pop(transaction.id))
+                offer = waiting.pop(transaction.id)
+                if type(error) not in _LATER_S:
+                    self._offers.refuse(str(error), offer)
+                answered.append(offer)
             count += len(made.appended)
             self.counts["appended"] += len(made.appended)
             self._answered(answered, held, None)

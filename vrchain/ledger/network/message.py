@@ -4,7 +4,7 @@ Each is one message of canonical bytes, so that what it brings is judged without
 """
 
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, NamedTuple
 
 from vrchain.ledger.errors import EncodingError
 from vrchain.ledger.records.block import Block, Entry, decode_record
@@ -19,7 +19,8 @@ from vrchain.ledger.records.transaction import Offer
 
 MAX_MESSAGE_BYTES = 8_000_000  # servers take 8 MiB, headers included
 _ENTRY, _OFFER = "vrchain/2/message/entry", "vrchain/2/message/offer"
-_HEAD = "vrchain/2/message/head"
+_HEAD, _REFUSAL = "vrchain/2/message/head", "vrchain/2/message/refusal"
+_MOST_WHY = 300
 
 
 def pack_entry(entry: Entry, blobs: Mapping[bytes, bytes]) -> bytes:
@@ -52,15 +53,34 @@ def unpack_offer(data: bytes) -> tuple[bytes, ...]:
     return record, *blobs
 
 
-def pack_head(block: Block, waiting: int) -> bytes:
-    """What a robot says of itself: its newest block, which a member signed, and its outbox."""
-    return encode_fields(_HEAD, block.record, waiting)
+class Standing(NamedTuple):
+    """How many transactions of a robot wait, how many were refused, what it saw wrong with logs."""
+
+    waiting: int
+    refused: int = 0
+    alarms: int = 0
 
 
-def unpack_head(data: bytes) -> tuple[Block, int]:
-    """The block, and how many transactions wait. EncodingError, RecordError."""
-    block, waiting = _fields(data, _HEAD, bytes, int)
-    return Block.decode(block), waiting
+def pack_head(block: Block, standing: Standing) -> bytes:
+    """What a robot says of itself: its newest block, which a member signed, and how it stands."""
+    return encode_fields(_HEAD, block.record, *standing)
+
+
+def unpack_head(data: bytes) -> tuple[Block, Standing]:
+    """The block, and how its robot stands. EncodingError, RecordError."""
+    block, *standing = _fields(data, _HEAD, bytes, int, int, int)
+    return Block.decode(block), Standing(*standing)
+
+
+def pack_refusal(offer_id: str, why: str) -> bytes:
+    """What a maker says of an offer that never comes into a block."""
+    return encode_fields(_REFUSAL, offer_id[:_MOST_WHY], why[:_MOST_WHY])
+
+
+def unpack_refusal(data: bytes) -> tuple[str, str]:
+    """The transaction's id in hex, and why it was refused. EncodingError."""
+    offer_id, why = _fields(data, _REFUSAL, str, str)
+    return offer_id, why
 
 
 def _bounded(domain: str, *fields: Any) -> bytes:

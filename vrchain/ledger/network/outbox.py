@@ -14,6 +14,8 @@ from vrchain.ledger.storage.durable import read_plain, storage_errors, sync_fold
 
 OUTBOX_NAME = "outbox"
 _SUFFIX = ".offer"
+REFUSED_NAME = "refused"  # in the outbox: what never comes into the chain, and why
+_WHY = ".why"
 _PLACE = "place"  # says which folder this was when it was written
 _MOST_BYTES = 1 << 26
 
@@ -48,12 +50,13 @@ class Outbox(Closing):
         with storage_errors(f"writing to {self.folder}"):
             write_durably(str(self.folder / _PLACE), self._place())
 
-    def put(self, offer: Offer) -> None:
-        """Keep an offer, durably. TooLargeError, StorageError kinds."""
+    def put(self, offer: Offer) -> Path:
+        """Keep an offer, durably; its file. TooLargeError, StorageError kinds."""
         transaction, data = offer.transaction, pack_offer(offer)
         name = f"{token(transaction.robot)}.{transaction.sequence:020d}{_SUFFIX}"
         with storage_errors(f"writing to {self.folder}"):
             write_durably(str(self.folder / name), data)
+        return self.folder / name
 
     def waiting(self) -> list[tuple[str, int, Path]]:
         """All that wait: robot, sequence and file, each robot's in its order."""
@@ -84,6 +87,17 @@ class Outbox(Closing):
         with storage_errors(f"removing {path}"):
             path.unlink(missing_ok=True)
 
+    def refuse(self, path: Path, why: str) -> None:
+        """Set an offer aside, with what was wrong: it is sent no more. StorageError."""
+        aside = self.folder / REFUSED_NAME
+        with storage_errors(f"writing to {aside}"):
+            aside.mkdir(exist_ok=True)
+            number = sum(1 for _ in aside.glob(f"*{_SUFFIX}"))  # several may have had one number
+            kept = aside / f"{number:06d}.{path.name}"
+            write_durably(str(kept.with_suffix(_WHY)), why.encode())
+            path.rename(kept)
+            sync_folder(self.folder)
+
     def close(self) -> None:
         """Leave it to the next process; closing twice does no harm."""
         lock, self._lock = self._lock, -1
@@ -98,6 +112,27 @@ class Outbox(Closing):
         return " ".join(f"{each.st_dev} {each.st_ino}" for each in found).encode()
 
 
+def refused_in(folder: Path) -> list[tuple[str, int, str]]:
+    """What was set aside in a ledger's folder, in that order: robot, sequence and why."""
+    found = []
+    for path in sorted((folder / OUTBOX_NAME / REFUSED_NAME).glob(f"*{_SUFFIX}")):
+        _, name, sequence, _ = path.name.split(".")
+        why = path.with_suffix(_WHY).read_text(errors="replace")
+        found.append((name.replace("=", "."), int(sequence), why))
+    return found
+
+
+def waiting_in(folder: Path) -> int:
+    """How many transactions wait in a ledger's folder."""
+    return sum(1 for _ in (folder / OUTBOX_NAME).glob(f"*{_SUFFIX}"))
+
+
 def transaction_in(data: bytes) -> Transaction:
     """The transaction in an offer's message. EncodingError, RecordError."""
     return Transaction.decode(unpack_offer(data)[0])
+
+
+def offer_in(data: bytes) -> Offer:
+    """The offer in a message. EncodingError, RecordError, PayloadDigestError."""
+    record, *blobs = unpack_offer(data)
+    return Offer(Transaction.decode(record), *blobs)

@@ -5,6 +5,7 @@ gives is judged, block by block, and what it lacks is looked for elsewhere.
 """
 
 import contextlib
+import logging
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -29,6 +30,7 @@ from vrchain.ledger.rules.chain import Lap
 from vrchain.ledger.storage.durable import storage_errors, write_durably
 from vrchain.ledger.store import Ledger
 
+_LOG = logging.getLogger(__name__)
 EVIDENCE_NAME = "evidence"  # in the ledger's folder
 _COMES_S = 30.0  # for a block that came first: longer than servers take to choose a leader
 _LOOK_S = 0.005
@@ -130,15 +132,22 @@ class Replicated(Ledger):
                     except (GapError, InvalidError, PayloadDigestError) as found:
                         wrong.append(f"{place}: block {height} {_short(found)}")
                     else:
-                        self.alarms += dict.fromkeys(wrong)
+                        self._warn(wrong or [str(error)])
                         return
         for _, given in self.log.copies(self.head.height):
             if given is not None:
                 self.convict(given[0].block)
-        told = "; ".join(dict.fromkeys(wrong)) or "no place answers"
+        told = "; ".join(dict.fromkeys(wrong)) or "no place has it"
         raise GapError(
             f"{error}; {told}; give another robot's folder, or see docs/how-to/deployment.md"
         )
+
+    def _warn(self, wrong: Sequence[str]) -> None:
+        """Note what was wrong with the log, though the block was found; of each once."""
+        for line in wrong:
+            if line not in self.alarms:
+                self.alarms.append(line)
+                _LOG.warning("%s", line)
 
     def _check_log(self) -> None:
         """WrongLedgerError unless the log begins with this ledger's first block."""

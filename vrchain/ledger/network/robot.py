@@ -7,11 +7,8 @@ by themselves when servers come and go; what cannot mend itself is in ``trouble`
 import contextlib
 import threading
 import time
-from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from pathlib import Path
-from typing import Protocol
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import (
@@ -24,9 +21,14 @@ from vrchain.ledger.errors import (
     UnknownMemberError,
 )
 from vrchain.ledger.network.log import Log
-from vrchain.ledger.network.message import pack_head, unpack_head
-from vrchain.ledger.network.outbox import Outbox, transaction_in
+from vrchain.ledger.network.message import (
+    Standing,
+    pack_head,
+    unpack_head,
+)
+from vrchain.ledger.network.outbox import Outbox, refused_in
 from vrchain.ledger.network.replicated import Comes, Replicated
+from vrchain.ledger.network.sender import Post, Sender
 from vrchain.ledger.records.block import Entry
 from vrchain.ledger.records.keys import SigningKey
 from vrchain.ledger.records.transaction import Offer, Transaction, blob_digest
@@ -35,27 +37,9 @@ from vrchain.ledger.rules.validity import check_transaction
 from vrchain.ledger.store import Ledger
 
 _FOLLOW_S = 0.5  # for which a follower waits at once, and so long until it is told to end
-_FLYING = 16  # offers of a robot at once: fewer than the servers take
 _RETRY_S = 0.5
-_AGAIN_S = 20.0  # after which an offer that has not come into a block is sent again
 _LOOK_S = 0.01
 _NO_HEAD = EncodingError, RecordError, UnknownMemberError, SignatureError  # nobody said that
-
-
-class Post(Protocol):
-    """Takes offers to whoever makes blocks."""
-
-    def offer(self, robot: str, offer_id: bytes, data: bytes) -> None:
-        """Hand it on; durable then, elsewhere. UnavailableError, ClusterError."""
-
-    def offers_of(self, robot: str) -> int:
-        """How many of the robot's are on their way. UnavailableError."""
-
-    def say(self, head: bytes) -> None:
-        """Tell other members what this one holds. UnavailableError."""
-
-    def heads(self) -> list[tuple[str, bytes]]:
-        """What other members have said of themselves since."""
 
 
 class RobotLedger(Replicated):
@@ -70,9 +54,9 @@ class RobotLedger(Replicated):
         self.trouble: dict[str, LedgerError] = {}
         self._ends, self._wakes = threading.Event(), threading.Event()
         self._followed_s = 0.0  # when the folder had last all that the log has
-        self._sent: dict[Path, float] = {}
+        self._sender = Sender(self.outbox, post, self._ends)
         self._told = b""
-        self.others: dict[str, tuple[int, int]] = {}  # by member: height, and how many wait there
+        self.others: dict[str, tuple[int, Standing]] = {}  # by member: height, and how it stands
         self._threads = [
             threading.Thread(target=self._forever, args=(part,), daemon=True)
             for part in (self._follow, self._send)
@@ -99,6 +83,20 @@ class RobotLedger(Replicated):
         digests = blob_digest(payload), blob_digest(landmarks)
         lap("hash")
         self._check_settled(robot)
+        with self._sender.signing:
+            return self._sign(robot, key, digests, reason, timestamp_ns, lap, payload, landmarks)
+
+    def _sign(
+        self,
+        robot: str,
+        key: SigningKey,
+        digests: tuple[bytes, bytes],
+        reason: str,
+        timestamp_ns: int,
+        lap: Lap,
+        payload: bytes,
+        landmarks: bytes | None,
+    ) -> Transaction:
         waiting = self.outbox.last(robot)  # before the chain is read: what leaves it is in there
         self.refresh()
         draft = self.draft(robot, digests[0], reason, timestamp_ns, digests[1])
@@ -113,6 +111,7 @@ class RobotLedger(Replicated):
         check_transaction(transaction, self.members[robot], last)
         lap("validate")
         self.outbox.put(Offer(transaction, payload, landmarks))
+        self._sender.keys[robot] = key
         lap("append_durable")
         self._wakes.set()
         return transaction
@@ -120,7 +119,8 @@ class RobotLedger(Replicated):
     def wait(self, transaction: Transaction | None = None, timeout_s: float = 30.0) -> None:
         """Until the transaction, or all that is in the outbox, is in the chain here.
 
-        Raises UnavailableError when it is not in time, or what keeps it from there.
+        Raises UnavailableError when it is not in time, RefusedError when it never comes there, or
+        what keeps it from there.
         """
         self._until(lambda: self._is_in(transaction), timeout_s)
 
@@ -167,6 +167,7 @@ class RobotLedger(Replicated):
     def _is_in(self, transaction: Transaction | None) -> bool:
         if transaction is None:
             return self.outbox.count() == 0
+        transaction = self._sender.goes_out_as(transaction)
         last = self.latest(transaction.robot)
         return last is not None and last.sequence >= transaction.sequence
 
@@ -212,7 +213,9 @@ class RobotLedger(Replicated):
 
     def _compare_heads(self, own: Replicated) -> None:
         """Tell others the newest block here, and hold theirs against the chain. ForkError."""
-        said = pack_head(own.head, self.outbox.count())
+        refused = len(refused_in(self.folder))
+        standing = Standing(self.outbox.count(), refused, len(self.alarms))
+        said = pack_head(own.head, standing)
         if said != self._told:
             self.post.say(said)
             self._told = said
@@ -220,8 +223,8 @@ class RobotLedger(Replicated):
             with contextlib.suppress(
                 EncodingError, RecordError, UnknownMemberError, SignatureError
             ):
-                block, waiting = unpack_head(data)
-                self.others[name] = block.height, waiting
+                block, standing = unpack_head(data)
+                self.others[name] = block.height, standing
                 own.convict(block)
 
     def _comes(self, entry: Entry) -> bool:
@@ -234,22 +237,5 @@ class RobotLedger(Replicated):
             while not self._ends.is_set():
                 self._wakes.wait(_FOLLOW_S)
                 self._wakes.clear()
-                own.refresh()
-                self._hand_on(own)
+                self._sender.hand_on(own)
                 self.trouble.pop("_send", None)
-
-    def _hand_on(self, own: Ledger) -> None:
-        """Forget what is in the chain, and send what is due, a few of each robot at once."""
-        flying: Counter[str] = Counter()
-        now_s = time.monotonic()
-        for robot, sequence, path in self.outbox.waiting():
-            last = own.latest(robot)  # ExpelledMemberError: it waits for ever
-            if last is not None and last.sequence >= sequence:
-                self.outbox.remove(path)
-                self._sent.pop(path, None)
-            elif flying[robot] < _FLYING and not self._ends.is_set():
-                flying[robot] += 1
-                if now_s - self._sent.get(path, -_AGAIN_S) >= _AGAIN_S:
-                    data = self.outbox.read(path)
-                    self.post.offer(robot, transaction_in(data).id, data)
-                    self._sent[path] = now_s

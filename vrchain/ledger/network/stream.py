@@ -5,18 +5,23 @@ Block h is message h + 1 of the stream ``block``. What has been stored is said a
 Offers wait in the stream ``offer``, one subject a robot, until a maker has made a block of them.
 """
 
-import asyncio
+import contextlib
 import json
 import threading
 import time
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import ClusterError, GapError, UnavailableError
 from vrchain.ledger.network.connection import Connection, token
 from vrchain.ledger.network.log import Given
-from vrchain.ledger.network.message import MAX_MESSAGE_BYTES, pack_entry, unpack_entry
+from vrchain.ledger.network.message import (
+    MAX_MESSAGE_BYTES,
+    pack_entry,
+    unpack_entry,
+)
 from vrchain.ledger.records.block import Entry
 
 if TYPE_CHECKING:
@@ -24,6 +29,7 @@ if TYPE_CHECKING:
     from nats.aio.msg import Msg
 
 BLOCKS, OFFERS, MAKER, SAID, HEADS = "block", "offer", "maker", "chain.block", "head"
+REFUSED = "refused"  # what makers tell a robot of its offers
 OFFERS_WAITING = 64  # of one robot, before the servers refuse the next
 OFFERS_BYTES = 1 << 30  # of all robots
 ACK_WAIT_S = 5.0  # after which an offer goes to another maker
@@ -32,16 +38,6 @@ _LOOK_S = 2.0  # between two questions for the newest, should what is said be mi
 _LAGS_S = 2.0  # for which a replica may be behind
 _SAID_KEPT = 200  # of what members say of themselves
 _KEPT = 8  # messages that came before those they follow
-_ASK_S = 2.0  # for which the servers answer one request for offers
-_DIRECT_READS = 12  # enough that each of three replicas answers one
-
-
-class Waiting(NamedTuple):
-    """An offer that a maker has taken from the servers, to acknowledge or give back."""
-
-    robot: str
-    data: bytes
-    message: "Msg"
 
 
 class Stream:
@@ -54,6 +50,7 @@ class Stream:
         self._news = threading.Condition()
         self._listens = False
         self._said: list[tuple[str, bytes]] = []
+        self._refused: list[bytes] = []
 
     def append(self, entry: Entry, blobs: Mapping[bytes, bytes], after: int) -> None:
         """As ``Log``. ClusterError when the servers refuse it."""
@@ -81,18 +78,26 @@ class Stream:
                 return
 
     def copies(self, height: int) -> Iterator[tuple[str, Given | None]]:
-        """As ``Log``: first the leader's, then whichever replicas answer."""
-        leader, others = self.connection.run(_places)
-        message = self.connection.run(lambda client: _by_leader(client, height + 1))
-        yield f"the leader {leader}", _readable(message, height)
-        name = f"one of {', '.join(sorted({leader, *others}))}"
-        for _ in range(_DIRECT_READS):
-            message = self.connection.run(lambda client: _direct(client, height + 1))
-            yield name, _readable(message, height)
+        """As ``Log``: of each server by itself, but for those that are only behind."""
+        servers = self.connection.servers
+        for address in servers.addresses:
+            with (
+                contextlib.suppress(UnavailableError),
+                Connection(replace(servers, addresses=(address,))) as alone,
+            ):
+                found = alone.run(lambda client: _direct(client, height + 1))
+                if found is not None:
+                    number, data = found
+                    yield alone.server, _readable(data, height) if number == height + 1 else None
 
     def newest(self) -> int:
         """The height of the newest block, -1 if there is none. UnavailableError, ClusterError."""
         return self._state()["last_seq"] - 1
+
+    @property
+    def known(self) -> int:
+        """The height of the newest block that it has heard of, while it follows; -1 if none."""
+        return self._newest - 1
 
     def offer(self, robot: str, offer_id: bytes, data: bytes) -> None:
         """Hand an offer to the servers, on several machines then. FullError kinds as ``run``."""
@@ -120,6 +125,12 @@ class Stream:
             said, self._said = self._said, []
         return said
 
+    def refusals(self) -> list[bytes]:
+        """What makers have said of this member's offers, heard while it follows, since."""
+        with self._news:
+            refused, self._refused = self._refused, []
+        return refused
+
     def close(self) -> None:
         """As ``Log``, and leave the servers."""
         self.connection.close()
@@ -142,6 +153,9 @@ class Stream:
     async def _subscribe(self, client: "Client") -> None:
         await client.subscribe(SAID, cb=self._hear)
         await client.subscribe(f"{HEADS}.*", cb=self._hear_head)
+        servers = self.connection.servers  # that ask for no key tell nobody's offers apart
+        own = "*" if servers.key is None else token(servers.name)
+        await client.subscribe(f"{REFUSED}.{own}", cb=self._hear_refusal)
         await client.flush()
 
     async def _hear(self, message: "Msg") -> None:
@@ -157,6 +171,10 @@ class Stream:
         name = message.subject.partition(".")[2].replace("=", ".")
         with self._news:
             self._said = [*self._said[-_SAID_KEPT:], (name, message.data)]
+
+    async def _hear_refusal(self, message: "Msg") -> None:
+        with self._news:
+            self._refused = [*self._refused[-_SAID_KEPT:], message.data]
 
     def _taken(self, want: int) -> bytes | None:
         with self._news:
@@ -191,64 +209,20 @@ class Stream:
         return self.connection.run(lambda client: _info(client, BLOCKS))["state"]
 
     def _fetch(self, number: int) -> bytes:
-        """A message from whichever replica answers. GapError if it is nowhere, for some time."""
+        """A message from the server that answers. GapError if it has a later one only, or none."""
         until_s = time.monotonic() + _LAGS_S
         while True:
-            data = self.connection.run(lambda client: _direct(client, number))
-            if data is not None:
-                return data
+            found = self.connection.run(lambda client: _direct(client, number))
+            if found is not None and found[0] == number:
+                return found[1]
+            if found is not None:
+                raise GapError(
+                    f"{self.connection.server} lacks block {number - 1}: "
+                    f"it goes on with block {found[0] - 1}"
+                )
             if time.monotonic() > until_s:
-                leader, _ = self.connection.run(_places)
-                raise GapError(f"the log (leader: {leader}) lacks block {number - 1}")
+                raise GapError(f"{self.connection.server} lacks block {number - 1}")
             time.sleep(0.05)
-
-
-class Offers:
-    """What waits for makers; several may take from it, and each offer goes to one of them."""
-
-    def __init__(self, connection: Connection) -> None:
-        self._connection = connection
-        self._inbox = ""
-        self._came: list[Waiting] = []
-        self._news = threading.Condition()
-        self._open, self._until_s = 0, 0.0  # how many the servers may still send, and until when
-
-    def take(self, most: int, wait_s: float) -> list[Waiting]:
-        """Offers that nobody else holds, none if none has come for ``wait_s``."""
-        if self._open < most or time.monotonic() > self._until_s:
-            self._connection.run(lambda client: self._ask(client, most))
-        with self._news:
-            self._news.wait_for(lambda: self._came, wait_s)
-            taken, self._came = self._came[:most], self._came[most:]
-        return taken
-
-    def done(self, *offers: Waiting) -> None:
-        """They are in a block, or refused: the servers forget them."""
-        self._connection.run(lambda client: _each(offer.message.ack() for offer in offers))
-
-    def later(self, delay_s: float, *offers: Waiting) -> None:
-        """Give them back for a while."""
-        self._connection.run(lambda client: _each(o.message.nak(delay=delay_s) for o in offers))
-
-    async def _ask(self, client: "Client", most: int) -> None:
-        if not self._inbox:
-            self._inbox = client.new_inbox()
-            await client.subscribe(self._inbox, cb=self._hear)
-        asked = json.dumps({"batch": most, "expires": int(_ASK_S * 1e9)}).encode()
-        subject = f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"
-        self._open, self._until_s = self._open + most, time.monotonic() + _ASK_S
-        await client.publish(subject, asked, reply=self._inbox)
-        await client.flush()
-
-    async def _hear(self, message: "Msg") -> None:
-        with self._news:
-            if message.reply.startswith("$JS.ACK."):
-                robot = message.subject.partition(".")[2].replace("=", ".")
-                self._came.append(Waiting(robot, message.data, message))
-                self._open -= 1
-                self._news.notify_all()
-            else:  # a request has ended
-                self._open = 0
 
 
 def set_up(connection: Connection, replicas: int, max_bytes: int = -1) -> None:
@@ -301,10 +275,6 @@ def _readable(data: bytes | None, height: int) -> Given | None:
         return None
 
 
-async def _each(work: Any) -> None:
-    await asyncio.gather(*work)
-
-
 async def _info(client: "Client", stream: str, subject: str = "") -> dict[str, Any]:
     from nats.js.errors import APIError
 
@@ -322,24 +292,19 @@ async def _places(client: "Client") -> tuple[str, list[str]]:
     return cluster.get("leader", "unknown"), replicas
 
 
-async def _direct(client: "Client", number: int) -> bytes | None:
-    """The message as some replica has it, None if that has none. UnavailableError."""
-    asked = json.dumps({"seq": number}).encode()
+async def _direct(client: "Client", number: int) -> tuple[int, bytes] | None:
+    """The message of that number or the next that there is, of the server that one is connected to.
+
+    It answers itself if it has a replica. None: it has not come so far. UnavailableError.
+    """
+    asked = json.dumps({"seq": number, "next_by_subj": BLOCKS}).encode()
     answer = await client.request(f"$JS.API.DIRECT.GET.{BLOCKS}", asked, timeout=5)
-    status = (answer.headers or {}).get("Status")
-    if status == "404":
+    headers = answer.headers or {}
+    if headers.get("Status") == "404":
         return None
-    if status is not None:
-        raise UnavailableError(f"the servers give no block just now: {status}")
-    if (answer.headers or {}).get("Nats-Sequence") != str(number):
-        raise ClusterError(f"asked the servers for block {number - 1}, got another")
-    return answer.data
-
-
-async def _by_leader(client: "Client", number: int) -> bytes | None:
-    import base64
-
-    asked = json.dumps({"seq": number}).encode()
-    answer = await client.request(f"$JS.API.STREAM.MSG.GET.{BLOCKS}", asked, timeout=5)
-    message = json.loads(answer.data).get("message")
-    return base64.b64decode(message.get("data", "")) if message else None
+    if "Status" in headers:
+        raise UnavailableError(f"the servers give no block just now: {headers['Status']}")
+    found = int(headers.get("Nats-Sequence", 0))
+    if found < number:
+        raise ClusterError(f"asked the servers for block {number - 1}, got block {found - 1}")
+    return found, answer.data
