@@ -72,11 +72,12 @@ def likeliest(likelihood: Likelihood, starts: Array) -> Peaks:
     """The peaks uphill of (k, 2) directions, upright and tilted, the likeliest first."""
     poses = np.zeros((len(starts), 6))
     poses[:, :2] = starts
+    near = likelihood.peaks(poses, tilted=False, exact=True)
     upright = likelihood.peaks(poses, tilted=False)
     tilted = likelihood.peaks(upright.poses, tilted=True)
-    both = Peaks(*(np.concatenate([u, t]) for u, t in
-                   zip(vars(upright).values(), vars(tilted).values(), strict=True)))  # fmt: skip
-    return both.take(np.argsort(-both.log_evidence, kind="stable"))
+    found = (vars(peaks).values() for peaks in (near, upright, tilted))
+    every = Peaks(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    return every.take(np.argsort(-every.log_evidence, kind="stable"))
 
 
 def believe(likelihood: Likelihood, bearings_slopes: tuple[Array, Array, Array, Array]) -> Belief:
