@@ -69,6 +69,7 @@ HOMES = {
     "rosbags": ("ros",),
     "mcap": ("ros",),
     "rospy": ("ros",),
+    "rclpy": ("ros",),
 }
 
 MOST_MODULES = 16  # in a folder

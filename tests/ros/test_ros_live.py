@@ -125,10 +125,21 @@ def test_a_robot_that_is_not_there(master: None, tmp_path: Path) -> None:
     from vrchain.simulation.team import team_ledger
 
     team_ledger(tmp_path / "ledger", ["R1"], 0).close()
-    asked = ["robot", "run", "--ros", "--robot", "R1=/R1", "--simulated", "0", "--ledger"]
+    asked = [
+        "robot",
+        "run",
+        "--ros",
+        "--robot",
+        "R1=/R1",
+        "--simulated",
+        "0",
+        "--patience",
+        "2",
+        "--ledger",
+    ]
     out, err = started("-m", "vrchain", *asked, str(tmp_path / "ledger")).communicate()
     assert not out and err.count("\n") == 1
-    assert "R1: nothing is published below /R1/" in err and "listened for 20 s" in err
+    assert "R1: nothing is published below /R1/" in err and "listened for 2 s" in err
 
 
 @needs_ros

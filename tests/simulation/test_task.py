@@ -1,3 +1,4 @@
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -16,10 +17,12 @@ from vrchain.simulation.task import (
     SPACING_M,
     Task,
     draw_task,
+    goal_ids,
     goal_pictures,
     goal_poses,
     robot_names,
 )
+from vrchain.world.model import SceneObject
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -101,7 +104,7 @@ def test_a_goal_is_drawn_among_houses_and_the_robot_that_drives_is_named_first()
         ({"n_robots": 1}, "expected 2 to 20 robots, got 1"),
         ({"n_robots": 21}, "expected 2 to 20 robots, got 21"),
         ({"n_robots": -3}, "expected 2 to 20"),
-        ({"scene": worlds.yard()}, "name a --goal"),  # it has no house
+        ({"scene": worlds.world()}, "name a --goal"),  # nothing stands there
     ],
 )
 def test_what_cannot_be_drawn_is_refused(options: dict, message: str) -> None:
@@ -141,3 +144,24 @@ def test_a_goal_that_is_shut_in_has_no_pictures() -> None:
     assert goal_poses(scene, truth, scene.index_of("goal"), 0) == []
     with pytest.raises(MissionError):
         draw_task(scene, truth, RIG, 0, goal="goal")
+
+
+def test_without_buildings_goals_are_large_things_without_a_twin() -> None:
+    def thing(name: str, size_m: tuple[float, float, float], base_m: float = 0.0) -> SceneObject:
+        at = (float(len(name)), 0.0)
+        return worlds.box(name, at, size_m, worlds.plain((9, 9, 9)), base_m=base_m)
+
+    chairs = [replace(thing(name, (1, 1, 1)), model="chair") for name in ("chair", "chair_1")]
+    cup, lamp = thing("cup", (0.1, 0.1, 0.1)), thing("ceiling lamp", (1, 1, 0.2), 2.5)
+    wall = worlds.box("wall", (0, 9), (9, 0.1, 2), worlds.plain((9, 9, 9)), landmark=False)
+    scene = worlds.world(*chairs, cup, lamp, wall, thing("sofa", (2, 0.9, 0.8)))
+    assert goal_ids(scene, None) == [scene.index_of("sofa")]
+    with pytest.raises(MissionError, match="name a --goal"):
+        goal_ids(worlds.world(*chairs, cup, lamp, wall), None)
+
+
+def test_walls_farther_away_all_around_are_pictured_from_their_middle() -> None:
+    walls = worlds.box("walls", (0, 0), (36, 36, 2), worlds.blotches("walls"))
+    scene = worlds.world(replace(walls, outline=shapely.box(-18, -18, 18, 18).exterior))
+    poses = goal_poses(scene, GroundTruth(scene), scene.index_of("walls"), 0)
+    assert [tuple(pose.xy_m) for pose in poses] == [(0, 0)] * GOAL_PICTURES

@@ -7,6 +7,7 @@ import pytest
 import worlds
 from numpy.typing import NDArray
 
+from vrchain.world import occlusion
 from vrchain.world.model import SceneObject
 from vrchain.world.occlusion import MARGIN_M, Obstacles, obstacles
 
@@ -119,3 +120,20 @@ def test_what_is_high_above_throws_no_shadow() -> None:
     things = blocked(high, block("box", (5, 0), (2, 2, 300)))
     assert things.top_m.max() <= 101.0
     assert ground_at(things, UP, (0, 0), (5, 0)) == pytest.approx([1, 0], abs=0.05)
+
+
+def test_few_cells_of_a_wide_map_are_dimmed_as_all_of_them_are(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    draws = np.random.default_rng(3)
+    places, sizes = draws.uniform(-30, 30, (20, 2)), draws.uniform(1, 9, (20, 3))
+    kinds = ("house", "tree") * 10
+    things = [block(*thing) for thing in zip(kinds, places, sizes, strict=True)]
+    grid = obstacles(things, (80.0, 80.0), 0.25)
+    points = draws.uniform((-40, -40, 0), (40, 40, 10), (5000, 3)).astype(np.float32)
+    all_, ground = grid.arriving(towards(40.0, 30.0), points)
+    monkeypatch.setattr(occlusion, "_WIDE_M2", 0.0)
+    monkeypatch.setattr(occlusion, "_FEW", 1.0)
+    few, few_ground = grid.arriving(towards(40.0, 30.0), points)
+    assert few.min() < 0.1 < 0.9 < few.max()
+    assert np.allclose(few, all_, atol=3e-4) and np.allclose(few_ground, ground, atol=3e-4)

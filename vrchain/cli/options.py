@@ -17,6 +17,9 @@ if TYPE_CHECKING:
     from vrchain.world.spec import SceneSpec
 
 Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gazebo world.")]
+Strict = Annotated[
+    bool, typer.Option("--strict", help="Refuse a Gazebo world of which a file is missing.")
+]
 SUBURB = SCENES / "suburb.yaml"
 SpecOrSuburb = Annotated[
     Path,

@@ -5,8 +5,9 @@ import math
 import time
 from contextlib import ExitStack, closing
 from dataclasses import asdict
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -16,7 +17,17 @@ from vrchain.cli.options import Folder, Json, Spec, doing, teller
 from vrchain.errors import BagError
 from vrchain.files import check_output_folder, output_folder
 
+if TYPE_CHECKING:
+    from vrchain.ros.nodes import Node
+
 _PLAYED = "played.json"
+
+RosVersion = Annotated[
+    int | None,
+    typer.Option(
+        min=1, max=2, envvar="ROS_VERSION", help="1 or 2; else 2 if its rclpy is there, or 1."
+    ),
+]
 
 app = typer.Typer(no_args_is_help=True, help="A robot over ROS: driven, or played by a simulator.")
 
@@ -25,7 +36,8 @@ app = typer.Typer(no_args_is_help=True, help="A robot over ROS: driven, or playe
 def run(
     ledger: Annotated[Path, typer.Option(metavar="LEDGER", help="The team's ledger.")],
     robot: Annotated[str, typer.Option(metavar="NAME=/NAMESPACE", help="It, and its topics.")],
-    ros: Annotated[bool, typer.Option("--ros", help="It is on ROS 1.")] = False,
+    ros: Annotated[bool, typer.Option("--ros", help="It is on ROS.")] = False,
+    ros_version: RosVersion = None,
     goal: Annotated[
         list[Path] | None,
         typer.Option(metavar="DIR", help="A picture of the goal, a panorama's folder; several."),
@@ -55,7 +67,6 @@ def run(
     from vrchain.publisher import Publication, Publisher, PublishingBody
     from vrchain.ros.live import LiveRobot
     from vrchain.ros.robots import load_rig
-    from vrchain.ros.ros1 import Ros1
     from vrchain.simulation.mission import index_of, published_of
 
     if not ros:
@@ -69,7 +80,7 @@ def run(
         )
         publisher = Publisher(name, opened, key, examine=perception.record)
         with ExitStack() as stack:
-            node = stack.enter_context(closing(Ros1(f"vrchain_{name}")))
+            node = stack.enter_context(closing(node_of(f"vrchain_{name}", ros_version)))
             with doing(f"listening to {namespace}"):
                 live = LiveRobot(node, name, namespace, told, slop, publisher.lost_track, patience)
             stack.enter_context(closing(live))
@@ -100,6 +111,17 @@ def run(
     print(f"{name} {end}; it published {len(body.publications)} panoramas")
 
 
+def node_of(name: str, version: int | None = None) -> "Node":
+    """A node of ROS 1 or 2; by default of ROS 2 if its rclpy is there. BagError."""
+    if version == 2 or (version is None and find_spec("rclpy") is not None):
+        from vrchain.ros.ros2 import Ros2
+
+        return Ros2(name)
+    from vrchain.ros.ros1 import Ros1
+
+    return Ros1(name)
+
+
 def _patrol(body: Any, seconds: float, seed: int) -> None:
     from vrchain.robot import Wander, wander
     from vrchain.seeding import generator
@@ -120,23 +142,23 @@ def play(
         str | None, typer.Option(metavar="NAME", help="The object to find; drawn if not given.")
     ] = None,
     seconds: Annotated[float, typer.Option(min=1.0, help="To play, at most.")] = 1800.0,
+    ros_version: RosVersion = None,
     seed: Annotated[int, typer.Option(min=0, help="Of everything random.")] = 0,
 ) -> None:
-    """Play a simulated robot on ROS 1, its team's ledger and the goal's pictures in DIR.
+    """Play a simulated robot on ROS, its team's ledger and the goal's pictures in DIR.
 
     It ends when who drove it has left, and says where the robot stands.
     """
     from vrchain.navigation.perception import learned_perception
     from vrchain.panorama import CameraRig
     from vrchain.ros.playing import PlayedRobot
-    from vrchain.ros.ros1 import Ros1
     from vrchain.simulation.mission import is_at, set_out
     from vrchain.simulation.team import assemble, drive_to_places, team_ledger
     from vrchain.world import load_scene
 
     check_output_folder(output, _PLAYED)
     perception, rig = learned_perception(), CameraRig()
-    with closing(Ros1(f"play_{robot}")) as node:
+    with closing(node_of(f"play_{robot}", ros_version)) as node:
         with doing(f"building {spec}"):
             scene = load_scene(spec)
         simulator, task, pictures = set_out(scene, seed, robots, robot, goal, rig)

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import typer
 
-from vrchain.cli.options import Json, Spec, check_picture, doing
+from vrchain.cli.options import Json, Spec, Strict, check_picture, doing
 from vrchain.errors import SpecError
 from vrchain.files import check_output_file, write_file
 
@@ -14,12 +14,12 @@ app = typer.Typer(no_args_is_help=True, help="Look at a scene.")
 
 
 @app.command()
-def info(spec: Spec, as_json: Json = False) -> None:
+def info(spec: Spec, strict: Strict = False, as_json: Json = False) -> None:
     """List a scene's objects."""
     from vrchain.world import load_scene
 
     with doing(f"building {spec}"):
-        scene = load_scene(spec)
+        scene = load_scene(spec, strict=strict)
     if as_json:
         objects = [
             {
@@ -47,6 +47,7 @@ def draw_map(
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="PICTURE.png", help="The PNG to write.")
     ],
+    strict: Strict = False,
 ) -> None:
     """Draw a scene from above."""
     from vrchain.plots.maps import scene_map
@@ -55,7 +56,7 @@ def draw_map(
 
     check_picture(output)
     with doing(f"drawing {spec}"):
-        write_file(output, png_bytes(scene_map(load_scene(spec))))
+        write_file(output, png_bytes(scene_map(load_scene(spec, strict=strict))))
     print(f"wrote {output}")
 
 
@@ -68,6 +69,7 @@ def export(
             "-o", "--output", metavar="FILE", help="A .glb; or a .world, with models/ beside it."
         ),
     ],
+    strict: Strict = False,
 ) -> None:
     """Write a scene as one glTF file, or a suburb of ours as a Gazebo world with its models."""
     from vrchain.world import load_scene, load_spec
@@ -88,5 +90,5 @@ def export(
         if as_world:
             export_world(load_spec(spec), output)
         else:
-            export_scene(load_scene(spec), output)
+            export_scene(load_scene(spec, strict=strict), output)
     print(f"wrote {output}" + (", and its models beside it" if as_world else ""))

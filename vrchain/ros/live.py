@@ -26,16 +26,16 @@ from vrchain.ros.messages import (
     ODOMETRY,
     SCAN,
     TF,
+    TWIST,
     opened,
     rgb_of,
     stamp_ns,
 )
+from vrchain.ros.nodes import Node
 from vrchain.ros.robots import Way, is_jump, robot_in
-from vrchain.ros.ros1 import Ros1
 from vrchain.ros.telling import Messages
 from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 
-TWIST = "geometry_msgs/msg/Twist"
 _KEPT = 300  # poses of odometry
 _SAID_EVERY_S = 0.1  # a command, while it is driven
 
@@ -49,7 +49,7 @@ class LiveRobot:
 
     def __init__(
         self,
-        ros: Ros1,
+        ros: Node,
         name: str,
         namespace: str,
         rig: Mapping[str, Any],
@@ -69,7 +69,7 @@ class LiveRobot:
         contents = self._listen(rig, slop_s)
         self._laser = self._laser_pose(contents)
         topic = self._prefix + "cmd_vel"
-        self._wheels, self._make = ros.advertise(topic, TWIST), Messages(True)
+        self._wheels, self._make = ros.advertise(topic, TWIST), Messages(ros.ros1)
 
     def _listen(self, rig: Mapping[str, Any], slop_s: float) -> Contents:
         """Until all that is needed was heard once, then go on with odometry and ranges alone."""
@@ -94,31 +94,34 @@ class LiveRobot:
                     if own and topic not in ends and kind in (
                         ODOMETRY, INFO, IMAGE, COMPRESSED, SCAN, TF
                     ):  # fmt: skip
-                        ends[topic] = self._ros.subscribe(topic, take)
+                        ends[topic] = self._ros.subscribe(topic, kind, take)
                 time.sleep(0.5)
                 with self._changed:
                     if not any(topic.startswith(self._prefix) for topic in contents.topics):
                         continue
                     if ends.keys() - contents.topics.keys() and time.monotonic() < complete_s:
                         continue  # what is announced may still come: a camera too few is a hole
+                    scans = [t for t in contents.topics.values() if t.type == SCAN and t.first]
+                    if not scans:
+                        lacks = f"{self._name}: no {SCAN} comes below {self._prefix}"
+                        continue
                     try:
                         found = robot_in(
                             contents, self._name, self._prefix, rig, max(slop_s, 3600.0)
                         )
-                        scans = [t for t in contents.topics.values() if t.type == SCAN and t.first]
-                        if scans:
-                            self._seen_by, self._scanned = found, scans[0]
-                            break
-                        lacks = f"{self._name}: no {SCAN} comes below {self._prefix}"
                     except BagError as error:
                         lacks = str(error)
+                        continue
+                    self._seen_by, self._scanned = found, scans[0]
+                    break
             else:
                 raise BagError(f"{lacks} (listened for {self._patience_s:g} s)")
         finally:
             for end in ends.values():
                 end()
-        self._ros.subscribe(found.odometry, self._take_odometry)
-        self._ros.subscribe(self._scanned.name, self._take_scan)
+        self._ros.subscribe(found.odometry, ODOMETRY, self._take_odometry)
+        self._ros.subscribe(self._scanned.name, SCAN, self._take_scan)
+        self._kinds = {topic: contents.topics[topic].type for topic in found.topics}
         return contents
 
     def _laser_pose(self, contents: Contents) -> NDArray[np.float64]:
@@ -202,7 +205,7 @@ class LiveRobot:
             self._await(lambda: bool(self._poses), "odometry")
             since_ns = self._poses[-1][0]
             self._images = {topic: deque(maxlen=4) for topic in topics}
-        ends = [self._ros.subscribe(topic, self._take_image) for topic in topics]
+        ends = [self._ros.subscribe(t, self._kinds[t], self._take_image) for t in topics]
         found: list[Message] = []
 
         def complete() -> bool:

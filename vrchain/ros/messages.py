@@ -18,6 +18,7 @@ IMAGE = "sensor_msgs/msg/Image"
 COMPRESSED = "sensor_msgs/msg/CompressedImage"
 SCAN = "sensor_msgs/msg/LaserScan"
 TF = "tf2_msgs/msg/TFMessage"
+TWIST = "geometry_msgs/msg/Twist"
 
 _CHANNELS = {"mono": 1, "8UC1": 1, "rgb": 3, "bgr": 3, "8UC3": 3, "rgba": 4, "bgra": 4}
 _TO_RGB = {

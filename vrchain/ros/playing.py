@@ -6,8 +6,8 @@ from threading import Lock
 
 from vrchain.robot import STOP, Drive
 from vrchain.ros.formats import Message
-from vrchain.ros.messages import IMAGE, INFO, ODOMETRY, SCAN, TF, opened
-from vrchain.ros.ros1 import Ros1
+from vrchain.ros.messages import IMAGE, INFO, ODOMETRY, SCAN, TF, TWIST, opened
+from vrchain.ros.nodes import Node
 from vrchain.ros.telling import Messages, RobotTopics
 from vrchain.simulation.simulator import Simulator
 
@@ -24,9 +24,9 @@ class PlayedRobot:
     Pictures are drawn only while somebody listens to them, and stopped clocks stand while they are.
     """
 
-    def __init__(self, ros: Ros1, simulator: Simulator, name: str) -> None:
+    def __init__(self, ros: Node, simulator: Simulator, name: str) -> None:
         self._simulator, self._name = simulator, name
-        self._topics = RobotTopics(name, simulator.rig, Messages(True), None)
+        self._topics = RobotTopics(name, simulator.rig, Messages(ros.ros1), None)
         self._command, self._until_s, self._lock = STOP, 0.0, Lock()
         own, kinds = f"/{name}", {"odom": ODOMETRY, "scan": SCAN}
         self._said = {f"{own}/{t}": ros.advertise(f"{own}/{t}", k) for t, k in kinds.items()}
@@ -39,7 +39,7 @@ class PlayedRobot:
         self._fixed = ros.advertise("/tf_static", TF, latch=True)
         fixed = self._topics.fixed(simulator.clock_ns)
         self._fixed.say(self._topics.make.make(TF, transforms=fixed))
-        ros.subscribe(f"{own}/cmd_vel", self._take)
+        ros.subscribe(f"{own}/cmd_vel", TWIST, self._take)
 
     def _take(self, message: Message) -> None:
         twist = opened(message)
@@ -56,7 +56,7 @@ class PlayedRobot:
         odometry = self._said[f"/{self._name}/odom"]
         while goes_on(self._until_s > 0 and time.monotonic() - heard_s > _LEFT_S):
             began_s = time.monotonic()
-            if odometry.heard:
+            if odometry.heard():
                 heard_s = began_s
             with self._lock:
                 command = self._command if began_s < self._until_s else STOP
@@ -68,14 +68,14 @@ class PlayedRobot:
                 informed_s = began_s
                 for topic, message in self._topics.informed(seen.time_ns):
                     self._said[topic].say(message)
-            if began_s - shown_s > _SHOWS_EVERY_S and any(c.heard for c in self._cameras):
+            if began_s - shown_s > _SHOWS_EVERY_S and any(c.heard() for c in self._cameras):
                 self._show()
                 shown_s = time.monotonic()
             time.sleep(max(0.0, _STEP_S - (time.monotonic() - began_s)))
 
     def _show(self) -> None:
         """The cameras that are listened to."""
-        wanted = [k for k, camera in enumerate(self._cameras) if camera.heard]
+        wanted = [k for k, camera in enumerate(self._cameras) if camera.heard()]
         rig = self._simulator.rig
         if len(wanted) == 1:
             towards_rad = float(rig.azimuths_rad[wanted[0]])

@@ -16,12 +16,15 @@ from vrchain.errors import BagError
 from vrchain.extras import require
 from vrchain.ros.formats import Message, type_named
 from vrchain.ros.messages import typestore
+from vrchain.ros.nodes import Said
 
 _PLACES = ("/opt/ros/noetic/lib/python3/dist-packages", "/usr/lib/python3/dist-packages")
 
 
 class Ros1:
     """A node of ROS 1. BagError if there is no rospy, or no master answers."""
+
+    ros1 = True
 
     def __init__(self, name: str) -> None:
         require("rosbags", "mcap", what="driving over ROS", error=BagError)
@@ -40,42 +43,33 @@ class Ros1:
         """Topics that are published now, and their types."""
         return {topic: type_named(kind) for topic, kind in self._rospy.get_published_topics()}
 
-    def subscribe(self, topic: str, take: Callable[[Message], None]) -> Callable[[], None]:
+    def subscribe(
+        self, topic: str, kind: str, take: Callable[[Message], None]
+    ) -> Callable[[], None]:
         """Have ``take`` called, in threads of its own, with each message. Returns what ends it."""
 
         def taken(raw: Any) -> None:
-            kind = type_named(raw._connection_header["type"])
-            take(Message(topic, kind, True, time.time_ns(), raw._buff))
+            if type_named(raw._connection_header["type"]) == kind:
+                take(Message(topic, kind, True, time.time_ns(), raw._buff))
 
         subscriber = self._rospy.Subscriber(topic, self._rospy.AnyMsg, taken, queue_size=10)
         return subscriber.unregister
 
-    def advertise(self, topic: str, kind: str, latch: bool = False) -> "Said":
+    def advertise(self, topic: str, kind: str, latch: bool = False) -> Said:
         """Announce a topic of messages of a type."""
-        raw = _raw_class(self._rospy.AnyMsg, kind)
-        return Said(self._rospy.Publisher(topic, raw, queue_size=10, latch=latch), raw, kind)
+        raw_class = _raw_class(self._rospy.AnyMsg, kind)
+        publisher = self._rospy.Publisher(topic, raw_class, queue_size=10, latch=latch)
+
+        def say(message: Any) -> None:
+            raw = raw_class()
+            raw._buff = bytes(typestore(True).serialize_ros1(message, kind))
+            publisher.publish(raw)
+
+        return Said(say, lambda: publisher.get_num_connections() > 0)
 
     def close(self) -> None:
         """Leave ROS."""
         self._rospy.signal_shutdown("done")
-
-
-class Said:
-    """A topic that is published."""
-
-    def __init__(self, publisher: Any, raw: Any, kind: str) -> None:
-        self._publisher, self._raw, self._kind = publisher, raw, kind
-
-    @property
-    def heard(self) -> bool:
-        """Whether anyone listens."""
-        return self._publisher.get_num_connections() > 0
-
-    def say(self, message: Any) -> None:
-        """Publish a message, made by ``telling.Messages``."""
-        raw = self._raw()
-        raw._buff = bytes(typestore(True).serialize_ros1(message, self._kind))
-        self._publisher.publish(raw)
 
 
 def _rospy() -> Any:

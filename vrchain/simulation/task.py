@@ -19,7 +19,7 @@ from vrchain.landmarks.quality import co_visible
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
-from vrchain.world.model import Scene
+from vrchain.world.model import Scene, SceneObject
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -32,6 +32,7 @@ _BATCHES = 8
 _CHOICES = 4  # tasks among which the one that needs the chain most is taken
 _GOAL_DRAWS = 160
 _GOAL_KINDS = (("house",), ("shop", "building", "barn"))  # drawn from, if no goal is named
+_LEAST_GOAL_M = 0.8  # wide, where no building can be drawn
 _GOAL_FROM_LAST_M = (5.0, 15.0)  # from the goal's side
 _LEAST_SEEN = 0.2  # share of the goal's surface that the last robot sees
 _SURFACE_POINTS = 60
@@ -188,6 +189,8 @@ def _off(footprint: shapely.Geometry, centre: Points, outward: Points, side_m: f
         point = shapely.Point(centre + way_m * outward)
         return float(shapely.distance(footprint, point)) - side_m
 
+    if too_far_m(0.0) >= 0:  # amidst walls that are as far all around
+        return centre
     x0, y0, x1, y1 = footprint.bounds
     most_m = float(np.hypot(x1 - x0, y1 - y0)) + side_m
     return np.asarray(centre + brentq(too_far_m, 0.0, most_m) * outward)
@@ -290,11 +293,18 @@ def _starts(scene: Scene, places: Sequence[Pose], draws: np.random.Generator) ->
     return starts
 
 
+def _is_large(thing: SceneObject) -> bool:
+    """Whether it is as large as furniture, and stands on the floor or hangs at hand."""
+    low_m = float(thing.bounds_m[0, 2])
+    return max(thing.size_m[:2]) >= _LEAST_GOAL_M and low_m < _LEAST_GOAL_M
+
+
 def goal_ids(scene: Scene, goal: str | None) -> list[int]:
     """The object of that name, or without a name all that goals are drawn from.
 
-    Those are houses without a twin, or else other buildings without one. MissionError if there is
-    no such object, or if it is no landmark.
+    Those are houses without a twin, or else other buildings without one, or else, as indoors, other
+    landmarks without one that are large. MissionError if there is no such object, or if it is no
+    landmark.
     """
     if goal is None:
         placings = Counter(o.model for o in scene.objects)
@@ -306,8 +316,10 @@ def goal_ids(scene: Scene, goal: str | None) -> list[int]:
         for kinds in _GOAL_KINDS:
             if drawn := [i for i, kind in alone if kind in kinds]:
                 return drawn
+        if large := [i for i, _ in alone if _is_large(scene.objects[i])]:
+            return large
         raise MissionError(
-            "the scene has no building without a twin to draw as a goal: name a --goal"
+            "the scene has no landmark of a size without a twin to draw as a goal: name a --goal"
         )
     try:
         target = scene.index_of(goal)

@@ -82,8 +82,10 @@ def build_sky(light: Light, rng: Generator) -> Surface:
     n, rings = 48, 14
     turn, level = np.meshgrid(np.linspace(0, 2 * np.pi, n + 1), np.linspace(0, 1, rings))
     points = _RADIUS_M * sphere(turn, _LOWEST_RAD + (np.pi / 2 - _LOWEST_RAD) * level)
-    uv = np.stack([turn / (2 * np.pi), level], axis=-1)
-    return _seen_from_inside(points, uv, _sky_picture(light, rng, (320, 1024)))
+    picture = _sky_picture(light, rng, (320, 1024))
+    # At the foot a texel is kept off, or the zenith's would shine through: pictures repeat.
+    uv = np.stack([turn / (2 * np.pi), np.maximum(level, 1 / len(picture))], axis=-1)
+    return _seen_from_inside(points, uv, picture)
 
 
 def _seen_from_inside(

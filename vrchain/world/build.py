@@ -37,13 +37,14 @@ _BUILDERS: dict[str, _Builder] = {
 }
 
 
-def load_scene(path: str | Path, *, seed: int | None = None) -> Scene:
+def load_scene(path: str | Path, *, seed: int | None = None, strict: bool = False) -> Scene:
     """The scene of a spec file, with ``seed`` in place of its own if given. Raises SpecError.
 
-    A Gazebo world (``.world``, ``.sdf``) stays as it is, whatever the seed.
+    A Gazebo world (``.world``, ``.sdf``) stays as it is, whatever the seed; strict: it is refused
+    if a file of it is missing.
     """
     if Path(path).suffix.lower() in gazebo.SUFFIXES:
-        return gazebo.load_world(path)
+        return gazebo.load_world(path, strict=strict)
     spec = load_spec(path)
     return build_scene(spec if seed is None else replace(spec, seed=int(seed)))
 

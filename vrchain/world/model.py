@@ -95,16 +95,26 @@ class SceneObject:
 
 def ground_polygon(triangles: NDArray[np.float64]) -> shapely.Geometry:
     """Convex polygon around what of triangles, (n, 3, 3) float, a robot could bump into."""
+    return shapely.MultiPoint(band(triangles)[0]).convex_hull
+
+
+def band(triangles: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+    """The corners, (k, 2), of what of triangles (n, 3, 3) a robot could bump into; of which, (k,).
+
+    Each is cut off where robots pass under or over it.
+    """
     low_m, high_m = _OBSTACLE_HEIGHT_M
     start = triangles.reshape(-1, 3)
     end = np.roll(triangles, -1, axis=1).reshape(-1, 3)
-    corners = [start[(start[:, 2] >= low_m) & (start[:, 2] <= high_m)]]
+    within = (start[:, 2] >= low_m) & (start[:, 2] <= high_m)
+    corners, edges = [start[within]], [np.flatnonzero(within)]
     for level in (low_m, high_m):
         cut = (start[:, 2] < level) != (end[:, 2] < level)
         a, b = start[cut], end[cut]
         share = (level - a[:, 2:]) / (b[:, 2:] - a[:, 2:])
         corners.append(a + share * (b - a))
-    return shapely.MultiPoint(np.concatenate(corners)[:, :2]).convex_hull
+        edges.append(np.flatnonzero(cut))
+    return np.concatenate(corners)[:, :2], np.concatenate(edges) // 3
 
 
 def size_of(points: NDArray[np.floating]) -> tuple[float, float, float]:
@@ -191,8 +201,10 @@ class Scene:
 
     @cached_property
     def _solids(self) -> tuple[list[SceneObject], shapely.STRtree]:
+        """The parts of all footprints, and whose each is."""
         solids = [o for o in self.objects if o.solid]
-        return solids, shapely.STRtree([o.footprint for o in solids])
+        parts, owner = shapely.get_parts([o.footprint for o in solids], return_index=True)
+        return [solids[k] for k in owner], shapely.STRtree(parts)
 
     def clearance_m(self, points_xy_m: ArrayLike) -> NDArray[np.float64]:
         """Distance of points, (n, 2), to the nearest solid footprint: (n,) float, 0 inside."""

@@ -24,6 +24,10 @@ _HIGHEST_M = 100.0  # what is higher throws no shadow
 _LONG_M = 128.0  # longer triangles are halved, so that what of them lies off the grid is left out
 _BATCH = 1 << 20  # points at a time
 _ROW = 4096  # OpenCV's pictures have to be narrower than 32768
+# On wider maps most cells of a layer are empty. (Not on others: sums in another order would change
+# the last bits of scenes that are published.)
+_WIDE_M2 = 1e5
+_FEW = 0.1  # of a layer's cells
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,21 +71,29 @@ class Obstacles:
         order = np.argsort(layer, kind="stable")
         starts = np.searchsorted(layer[order], np.arange(n + 2))
         shares = np.ones(len(points_m), dtype=np.float32)
+        highest_first = np.argsort(-self.top_m, kind="stable")
+        depths = -self.top_m[highest_first]
+        few = _FEW * h * w if h * w * self.cell_m**2 > _WIDE_M2 else 0.0
+        sparse = _Sparse(self.shape, self.cell, light)
         for k in range(n - 1, -1, -1):
             here = order[starts[k] : starts[k + 1]]
             shares[here] = _sampled(light, place[here])
             low_m, high_m = k * layer_m, (k + 1) * layer_m
-            met = np.flatnonzero((self.bottom_m < high_m) & (self.top_m > low_m))
+            met = highest_first[: np.searchsorted(depths, np.float32(-low_m))]
+            met = np.sort(met[self.bottom_m[met] < high_m])
             if not len(met):
                 continue
             inside_m = np.minimum(self.top_m[met], high_m) - np.maximum(self.bottom_m[met], low_m)
-            through = np.ones(self.shape, dtype=np.float32)
             taken = np.exp(inside_m * self.per_m[met] / np.float32(-direction[2]))
-            through.reshape(-1)[self.cell[met]] = taken
             shift = (left, below) - slide * (low_m + high_m) / 2 / self.cell_m
             column, row = np.floor(shift).astype(int)
-            moved = _shifted(through, *(shift - (column, row)))
-            light[row : row + h + 1, column : column + w + 1] *= moved
+            part = shift - (column, row)
+            if len(met) < few:
+                sparse.dim(met, taken, (row, column), part)
+                continue
+            through = np.ones(self.shape, dtype=np.float32)
+            through.reshape(-1)[self.cell[met]] = taken
+            light[row : row + h + 1, column : column + w + 1] *= _shifted(through, *part)
         return shares, light[below : below + h, left : left + w]
 
     def coarser(self) -> "Obstacles":
@@ -96,6 +108,46 @@ class Obstacles:
         np.maximum.at(top, member, self.top_m)
         per_m = kinds[slab // (h * w)]
         return Obstacles(self.low_m, (h, w), 2 * self.cell_m, slab % (h * w), bottom, top, per_m)
+
+
+class _Sparse:
+    """Light that is dimmed in a few cells of a layer, as by ``_shifted`` in all of them."""
+
+    def __init__(
+        self, shape: tuple[int, int], cell: NDArray[np.int64], light: NDArray[np.float32]
+    ) -> None:
+        row, column = np.divmod(cell, shape[1])
+        self._light, self._width = light.reshape(-1), light.shape[1]
+        self._wide = shape[1] + 2  # with an empty cell around the layer
+        self._lost = np.zeros((shape[0] + 2) * self._wide, dtype=np.float32)
+        self._cell = (row + 1) * self._wide + column + 1
+        self._place = row * self._width + column
+
+    def dim(
+        self,
+        met: NDArray[np.int64],
+        taken: NDArray[np.float32],
+        start: tuple[int, int],
+        part: NDArray[np.float64],
+    ) -> None:
+        """Multiply by what gets through slabs, ``taken`` each.
+
+        start: (row, column) of the light where the layer begins; part: (x, y) of a cell, 0..1.
+        """
+        weights = 1 - _shifted(np.zeros((1, 1), dtype=np.float32), *part)
+        cells = self._cell[met]
+        places = self._place[met] + (start[0] * self._width + start[1])
+        self._lost[cells] = 1 - taken
+        near = [(i, j) for i in (0, 1) for j in (0, 1)]
+        dimmed = []
+        for i, j in near:  # every cell that one of them reaches, some of them twice
+            reached = cells + (i * self._wide + j)
+            lost = sum(weights[y, x] * self._lost[reached - (y * self._wide + x)] for y, x in near)
+            at = places + (i * self._width + j)
+            dimmed.append((at, self._light[at] * (1 - lost)))
+        for at, value in dimmed:
+            self._light[at] = value
+        self._lost[cells] = 0
 
 
 def _shifted(grid: NDArray[np.float32], x: float, y: float) -> NDArray[np.float32]:

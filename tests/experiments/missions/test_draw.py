@@ -253,7 +253,13 @@ def _chains(made: Made, n: int) -> list[tuple[tuple[str, ...], tuple[str, ...]]]
 def test_where_no_mission_can_be_it_says_so(
     ground: Ground, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(draw, "WAY_M", (500.0, 600.0))
+    monkeypatch.setattr(draw, "WAY_M", (0.0, 0.1))
     monkeypatch.setattr(draw, "_DRAWS", 5)
     with pytest.raises(MissionError, match="found no mission"):
         ground.draw(5, 0, 1, 3)
+
+
+def test_in_a_small_world_shorter_ways_do(ground: Ground, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(draw, "WAY_M", (500.0, 600.0))
+    third_m = sum(ground.scene.extent_m) / 3
+    assert third_m <= ground.draw(5, 0, 1, 4).way_m <= 600

@@ -1,5 +1,6 @@
 """Gazebo worlds: what their files mean, as Gazebo reads them."""
 
+from contextlib import nullcontext
 from pathlib import Path
 
 import gazebo_files as gz
@@ -132,18 +133,75 @@ def test_meshes_in_their_unit_and_scale(
     assert volume == pytest.approx(np.prod(size_m), rel=1e-4)
 
 
-def test_a_mesh_whose_y_is_up_is_turned(tmp_path: Path) -> None:
-    tall = " ".join(f"{x} {3 * y} {z}" for x, y, z in gz.BOX_XYZ)
-    with told("turned upright: 1 (a.dae)"):
-        thing = drawn(tmp_path, mesh("a.dae"), {"worlds/a.dae": gz.dae(up="Y_UP", positions=tall)})
-    assert np.allclose(thing.size_m, (1, 1, 3))
-    assert thing.bounds_m[0, 2] == 0
-
-
 @UNWARNED
-def test_blanks_around_the_axis_that_is_up(tmp_path: Path) -> None:
-    thing = drawn(tmp_path, mesh("a.dae"), {"worlds/a.dae": gz.dae(up=" Z_UP\n")})
-    assert np.allclose(thing.bounds_m, [(0, 0, 0), (1, 1, 1)])
+@pytest.mark.parametrize("up", ["Y_UP", "X_UP", " Z_UP\n"])
+def test_the_axis_that_a_mesh_has_up_turns_nothing(tmp_path: Path, up: str) -> None:
+    flat = " ".join(f"{6 * x} {4 * y} {2 * z}" for x, y, z in gz.BOX_XYZ)
+    thing = drawn(tmp_path, mesh("a.dae"), {"worlds/a.dae": gz.dae(up=up, positions=flat)})
+    assert np.allclose(thing.bounds_m, [(0, 0, 0), (6, 4, 2)])
+
+
+CLEAR = "parts of meshes more than half transparent: 1 (v)"
+
+
+@pytest.mark.parametrize(
+    ("mode", "colour", "amount", "drawn"),
+    [
+        ("A_ONE", "1 1 1 0.1", "1", False),  # glass
+        ("A_ONE", "1 1 1 1", "0", False),  # invisible
+        ("A_ONE", "1 1 1 1", "1", True),
+        ("A_ONE", "1 1 1 0.7", "1", True),
+        ("A_ZERO", "0 0 0 0.1", "1", True),
+        ("A_ZERO", "0 0 0 0.9", "1", False),
+        ("RGB_ZERO", "0 0 0 1", "1", True),
+        ("RGB_ZERO", "0 0.9 0 1", "1", False),
+        ("RGB_ONE", "1 1 1 1", "0.8", True),
+        ("RGB_ONE", "1 0 0 1", "1", False),
+        ("", "1 1 1 1", "0", True),  # without a rule it is opaque, as in Gazebo
+        ("A_ONE", "1 1 1", "0", True),
+    ],
+)
+def test_glass_and_invisible_parts_are_not_drawn(
+    tmp_path: Path, mode: str, colour: str, amount: str, drawn: bool
+) -> None:
+    opaque = f' opaque="{mode}"' if mode else ""
+    see_through = (
+        f"</diffuse><transparent{opaque}><color>{colour}</color></transparent>"
+        f"<transparency><float>{amount}</float></transparency>"
+    )
+    files = {"worlds/a.dae": gz.dae().replace("</diffuse>", see_through)}
+    pane = model(visual(mesh("a.dae")), name="pane")
+    plain = "<material><diffuse>0 1 0 1</diffuse></material>"  # replaces the mesh's own
+    green = model(visual(mesh("a.dae"), material=plain), pose="0 5 0 0 0 0", name="green")
+    with nullcontext() if drawn else told(CLEAR):
+        scene = load(tmp_path, pane + green, files)
+    assert [o.name for o in scene.objects] == ["pane", "green"][not drawn :]
+    assert scene.is_free([(0.5, 0.5)]).tolist() == [not drawn]
+
+
+@pytest.mark.parametrize(
+    ("bound", "grey"),
+    [
+        ('<bind_vertex_input semantic="UV" input_semantic="TEXCOORD" input_set="1"/>', 255),
+        ('<bind_vertex_input semantic="UV" input_semantic="TEXCOORD" input_set="7"/>', 0),
+        ("", 0),
+    ],
+)
+def test_the_texture_coordinates_that_a_material_is_bound_to(
+    tmp_path: Path, bound: str, grey: int
+) -> None:
+    content = gz.dae(picture="half.png").replace(">0 0 1 0 1 1<", ">0.1 0 0.1 0 0.1 0<")
+    first = content[content.index('<source id="t">') : content.index("<vertices")]
+    second = first.replace("0.1", "0.9").replace('"t', '"u').replace("#t", "#u")
+    content = content.replace(first, first + second)
+    more = '<input semantic="TEXCOORD" source="#u" offset="1" set="1"/>'
+    content = content.replace(' set="0"/>', f' set="0"/>{more}')
+    content = content.replace('target="#m"/>', f'target="#m">{bound}</instance_material>')
+    half = np.repeat(np.array([[[0], [255]]], dtype=np.uint8), 4, axis=1).repeat(3, axis=2)
+    files = {"worlds/a.dae": content, "worlds/half.png": gz.picture(half)}
+    (surface,) = drawn(tmp_path, mesh("a.dae"), files).surfaces
+    u = surface.uv[surface.faces, 0].mean()
+    assert set(surface.texture[0, int(u * surface.texture.shape[1])].tolist()) == {grey}
 
 
 def source(name: str, kind: str, values: str) -> str:
@@ -411,9 +469,9 @@ def test_pictures_of_more_than_8_bits(
 
 
 def test_a_mesh_of_another_kind_is_left_out(tmp_path: Path) -> None:
-    body = model(visual(mesh("a.glb", "<submesh><name>A</name></submesh>")) + CUBE)
-    with told("none of .dae", "left out: 1 (a.glb)"):
-        assert only(load(tmp_path, body, {"worlds/a.glb": b"glTF"})).size_m == (1, 1, 1)
+    body = model(visual(mesh("a.fbx", "<submesh><name>A</name></submesh>")) + CUBE)
+    with told("none of .dae", "left out: 1 (a.fbx)"):
+        assert only(load(tmp_path, body, {"worlds/a.fbx": b"Kaydara"})).size_m == (1, 1, 1)
 
 
 @pytest.mark.parametrize(
@@ -592,7 +650,7 @@ def test_what_later_and_earlier_sdf_has_besides_is_told(tmp_path: Path) -> None:
     crate = model(CUBE, name="m")
     body = (
         '<scene><fog><type>linear</type></fog></scene><gui><plugin filename="libview.so"/></gui>'
-        + crate.replace('name="m"', 'name="m" placement_frame="link"')
+        + crate
         + crate.replace('name="m"', 'name="n"').replace('"link">', '"link"><pose frame="f"/>')
         + "<include><uri>model://c</uri><experimental:params/></include>"
         + '<state><model name="m"><pose>5 0 0 0 0 0</pose><link name="link"><pose>5 0 2 0 0 0'
@@ -603,7 +661,7 @@ def test_what_later_and_earlier_sdf_has_besides_is_told(tmp_path: Path) -> None:
     files = gz.folder_of("c", crate.replace('name="m"', 'name="c"'))
     files |= gz.folder_of("p", model(visual(box("1 1 2"), material=pbr), name="p"))
     with told(
-        "fog: 1", "plugins: 1 (libview.so)", "placement frames: 1 (m)", "normal maps: 1",
+        "fog: 1", "plugins: 1 (libview.so)", "normal maps: 1",
         "frames of poses, as of SDF 1.5: 1 (f)", "parameters of includes: 1",
         "parts that a saved state moves in their model: 1 (m)",
     ):  # fmt: skip
@@ -646,6 +704,16 @@ def test_a_saved_state_moves_models(tmp_path: Path) -> None:
         ("parking", (30, 30, 10), "building"),
         ("kerb", (2, 0.5, 0.5), "object"),
         ("scarecrow", (0.6, 0.4, 1.8), "object"),
+        ("turtlebot3_house", (15, 10, 3), "house"),
+        ("turtlebot3_burger", (0.2, 0.2, 0.2), "robot"),
+        ("hospital_car_park_building", (20, 10, 9), "building"),
+        ("elevator_car", (1.5, 2.3, 2.5), "object"),
+        ("warehouse_pallet_jack", (1.2, 0.5, 1), "object"),
+        ("warehouse_shelf", (2.1, 18, 6.5), "object"),
+        ("tour_bus", (12, 2.6, 3.5), "vehicle"),
+        ("bicycle", (0.6, 1.8, 1.1), "vehicle"),
+        ("walking_street", (30, 20, 6), "building"),
+        ("person_walking", (0.8, 1, 1.8), "person"),
         ("x17", (20, 20, 0.1), "ground"),
         ("x17", (9, 9, 4), "building"),
         ("x17", (0.2, 0.2, 4), "pole"),

@@ -15,7 +15,8 @@ from gazebo_files import no_folders as no_folders
 
 from vrchain.errors import SpecError
 from vrchain.world import load_scene
-from vrchain.world.gazebo import designs
+from vrchain.world.gazebo import designs, materials, scripts, sdf
+from vrchain.world.gazebo.mesh import meshes, obj
 from vrchain.world.gazebo.sdf import MOST_MODELS
 
 BOMB = (
@@ -29,12 +30,12 @@ CRATE = model(CUBE)
 
 
 def refused(folder: Path, document: str | bytes, files: gz.Files | None = None) -> str:
-    """The one line that a world is refused with, in seconds."""
+    """The one line that a world is refused with, in seconds of the processor."""
     write(folder, {"worlds/test.world": document, **(files or {})})
-    start_s = time.monotonic()
+    start_s = time.process_time()
     with pytest.raises(SpecError) as told:
         load_scene(folder / "worlds" / "test.world")
-    assert time.monotonic() - start_s < 10
+    assert time.process_time() - start_s < 10
     message = str(told.value)
     assert "\n" not in message and len(message) < 900
     return message
@@ -53,31 +54,47 @@ def refused(folder: Path, document: str | bytes, files: gz.Files | None = None) 
         ('<?xml version="1.0" encoding="klingon"?><sdf/>', ["test.world", "expected XML"]),
         ("<a>" * 5000, ["test.world:1", "deep"]),
         (world(""), ["test.world", "nothing in this world"]),
-        (world("\n" + include("model://gone")), [":2: <include>", "'model://gone'", "_MODEL_PATH"]),
+        (world(include("model://gone")),
+         ["test.world: nothing in", "models that are missing: 1 (model://gone)", "_MODEL_PATH"]),
         (world(include("")), ["<include>", "<uri>"]),
         (world(include("https://fuel.org/models/car")),
-         ["<include>", "https://fuel.org", "nothing is fetched", "GAZEBO_MODEL_PATH"]),
-        (world(model(visual(mesh("https://fuel.org/a.dae")))), ["<uri>", "nothing is fetched"]),
-        (world(model(visual(mesh("file:///etc/a.dae")))), ["<uri>", "leads out of the model"]),
+         ["models that are missing: 1 (https://fuel.org/models/car)", "GAZEBO_MODEL_PATH"]),
+        (world(model(visual(mesh("https://fuel.org/a.dae")))),
+         ["meshes that are missing: 1 (https://fuel.org/a.dae)"]),
+        (world(model(visual(mesh("file:///etc/a.dae")))),
+         ["meshes that are missing: 1 (file:///etc/a.dae)"]),
         (world(model(visual(mesh("x" * 300)))), [":1: <uri>", "name too long", "at most 255"]),
         (world(model(visual(box("1 1 1"), pose="1 2 3"))), [":1: <pose>", "6 finite", "'1 2 3'"]),
         (world(model(visual(box("1 1 1"), pose="nan 0 0 0 0 0"))), ["<pose>", "finite"]),
         (world(model(visual(box("1 1 1"), pose="0 1e9 0 0 0 0"))),
-         ["test.world:1: <pose>", "within 100 km"]),
-        (world("\n" + model(visual(box("1 1 1"), pose="0 6e4 0 0 0 0"), pose="0 6e4 0 0 0 0")),
-         ["test.world:2: <model>", "'thing'", "km away"]),
+         ["nothing in", "models more than 100 km away, left out: 1 (thing)"]),
+        (world(model(visual(box("1 1 1"), pose="0 6e4 0 0 0 0"), pose="0 6e4 0 0 0 0")),
+         ["nothing in", "models more than 100 km away, left out: 1 (thing)"]),
         (world(model(visual(box("1 1 1"), pose="1e308 0 0 0 0 0"), pose="1e308 0 0 0 0 0")),
-         ["test.world:1: <pose>", "within 100 km"]),
+         ["nothing in", "models more than 100 km away, left out: 1 (thing)"]),
         (world('<model name="m"><link name="l"><visual name="v"><geometry><heightmap/></geometry>'
                "</visual></link></model>"), ["nothing in this world", "heightmaps: 1"]),
         (world(gz.GROUND_MODEL + model(CUBE, pose="900 900 0 0 0 0")),
          ["test.world", "300 m of the origin", "x in 899.5..900.5"]),
-        (world(model(visual(box("1 -1 1")))), ["<size>", "more than 0"]),
-        (world(model(visual("<box/>"))), ["<box>", "<size>"]),
-        (world(model(visual(box("1e5 1 1")))), ["'thing'", "1e+05 m large", "<scale>"]),
-        (world(model(visual(box("1e-9 1e-9 1e-9")))), ["'thing'", "m large"]),
-        (world(model(visual(mesh("gone.dae")))), ["<uri>", "no mesh 'gone.dae'"]),
-        (world(model(visual(mesh("a.blend")))), ["<uri>", "a.blend"]),
+        (world(model(visual(box("1 -1 1")))), ["test.world:1: <box>", "<size>", "more than 0"]),
+        (world(model(visual(box("1e5 1 1")))), ["not of 0.001 to 2000 m", "is 1e+05 m large"]),
+        (world(model(visual(box("1e-9 1e-9 1e-9")))), ["thing is 1e-09 m large"]),
+        (world(model(visual(mesh("gone.dae")))), ["meshes that are missing: 1 (gone.dae)"]),
+        (world(model(visual(mesh("a.blend")))), ["meshes that are missing: 1 (a.blend)"]),
+        (world(model(visual("<polyline><point>0 0</point><point>1 0</point></polyline>"))),
+         ["test.world:1: <polyline>", "at least 3 <point>s, got 2"]),
+        (world(model(visual("<polyline>" + "<point>0 0</point>" * 3 + "</polyline>"))),
+         ["test.world:1: <polyline>", "an outline with an area"]),
+        (world("<road><point>0 0 0</point><point>0 0 0</point></road>"),
+         ["test.world:1: <road>", "points that differ"]),
+        (world(f"<population>{CRATE}<box/><model_count>1e9</model_count></population>"),
+         ["test.world:1: <population>", f"at most {MOST_MODELS} models"]),
+        (world(f"<population>{CRATE}<box/><model_count>0.5</model_count></population>"),
+         ["test.world:1: <population>", "a whole number"]),
+        (world(f"<population>{CRATE}</population>"), ["<population>", "<box> or a <cylinder>"]),
+        (world("<population/>"), ["test.world:1: <population>", "expected a <model>"]),
+        (world(f'<model name="m" placement_frame="f"><link name="l">{CUBE}</link></model>'),
+         ["test.world:1: <model>", "no frame 'f'"]),
         (
             world('<model name="m"><pose relative_to="f"/></model><frame name="f"><pose '
                   'relative_to="g"/></frame><frame name="g"><pose relative_to="f"/></frame>'),
@@ -126,40 +143,61 @@ def test_no_file_and_a_folder(tmp_path: Path) -> None:
             load_scene(tmp_path / name)
 
 
+@pytest.fixture
+def opened(monkeypatch: pytest.MonkeyPatch) -> list[Path]:
+    """The files that are read."""
+    read: list[Path] = []
+    for module in (meshes, materials, sdf, obj, scripts):
+        original = module.read_bytes
+        monkeypatch.setattr(
+            module, "read_bytes", lambda f, most, r=original: (read.append(f), r(f, most))[1]
+        )
+    return read
+
+
 @pytest.mark.parametrize(
     "uri",
     ["model://../..", "model://../secret", "model:///etc/passwd", "../../secret", "/etc/passwd",
-     "model://m/../../secret"],
+     "model://m/../../secret", "file://../../secret", "file:///etc/passwd", "https://../secret",
+     "https://fuel.org/1.0/o/models/../../secret", "package://m/%2e%2e/%2e%2e/secret",
+     "model://%2e%2e/secret", "https://fuel.org/o/models/%2e%2e/1/files/secret",
+     "model://a/../../../secret"],
 )  # fmt: skip
-def test_paths_that_leave_the_model_folders(tmp_path: Path, uri: str) -> None:
+def test_paths_that_leave_the_model_folders(tmp_path: Path, opened: list[Path], uri: str) -> None:
     files: gz.Files = {
         "secret/model.sdf": f"<sdf>{CRATE}</sdf>",
         **gz.folder_of("m", CRATE),
     }
     message = refused(tmp_path, world(include(uri)), files)
-    assert "leads out of the model folders" in message or "no model" in message
+    assert "models that are missing: 1 (" in message
     inside = model(visual(mesh(f"{uri}/a.dae")))
     write(tmp_path / "secret", {"a.dae": gz.dae()})
     message = refused(tmp_path, world(include("model://m")), {**files, **gz.folder_of("m", inside)})
-    assert "leads out of the model folders" in message or "no mesh" in message
+    assert "meshes that are missing: 1 (" in message
+    assert {file.parent.name for file in opened} == {"worlds", "m"}
 
 
-def test_links_that_leave_the_model_folders(tmp_path: Path) -> None:
+def test_links_that_leave_the_model_folders(tmp_path: Path, opened: list[Path]) -> None:
     write(tmp_path, {"secret/a.dae": gz.dae(), "secret/p.png": gz.png((1, 2, 3))})
     inside, document = tmp_path / "models" / "m", world(include("model://m"))
     write(tmp_path, gz.folder_of("m", model(visual(mesh("a.dae")))))
     (inside / "a.dae").symlink_to(tmp_path / "secret" / "a.dae")
-    assert "'a.dae' leads out of the model folders" in refused(tmp_path, document)
+    assert "meshes that are missing: 1 (a.dae)" in refused(tmp_path, document)
     (inside / "a.dae").unlink()
     (inside / "p.png").symlink_to(tmp_path / "secret" / "p.png")
     files: gz.Files = {"models/m/a.dae": gz.dae(picture="p.png")}
-    assert "leads out" in refused(tmp_path, document, files)
+    with gz.told("pictures that are missing: 1 (p.png)"):
+        gz.load(tmp_path, include("model://m"), files)
     files = {
         "models/m/a.obj": gz.obj(more="mtllib a.mtl\nusemtl A"),
         "models/m/a.mtl": "newmtl A\nmap_Kd ../../../secret/p.png\n",
         **gz.folder_of("m", model(visual(mesh("a.obj")))),
     }
-    assert "leads out" in refused(tmp_path, document, files)
+    with gz.told("pictures that are missing: 1 (../../../secret/p.png)"):
+        gz.load(tmp_path, include("model://m"), files)
+    (tmp_path / "models" / "away").symlink_to(tmp_path / "secret")
+    assert "models that are missing: 1" in refused(tmp_path, world(include("model://away")))
+    assert not any(file.resolve().is_relative_to(tmp_path / "secret") for file in opened)
 
 
 def test_includes_that_include_themselves(tmp_path: Path) -> None:
@@ -247,14 +285,14 @@ TEXT_STL = "solid a facet outer loop\nvertex 0 0 0\nvertex 1 nan 0\nvertex 0 1 0
         ("a.stl", stl(2, broken=2), ["a.stl", "face 1", "finite"]),
         ("a.stl", stl(9, broken=0)[:-60], ["a.stl", "534 bytes", "got 474 bytes", "cut off"]),
         ("a.stl", TEXT_STL, ["a.stl", "face 1", "finite"]),
-        ("a.glb", b"glTF", ["nothing in this world", "none of .dae, .obj, .stl", "a.glb"]),
+        ("a.fbx", b"glTF", ["nothing in this world", "none of .dae, .obj, .stl, .glb", "a.fbx"]),
         ("a.dae", "not a mesh", ["a.dae:1", "expected XML"]),
         ("a.dae", gz.dae(doctype=BOMB), ["a.dae:1", "DOCTYPE"]),
         ("a.dae", gz.dae(nodes=""), ["a.dae", "faces, got none"]),
         ("a.dae", gz.dae(positions="nan " * 24), ["a.dae", "not a finite number"]),
         ("a.dae", gz.dae(positions="0 " * 24), ["a.dae", "faces, got none"]),
         ("a.dae", gz.dae(positions="0 0 0"), ["a.dae"]),
-        ("a.dae", gz.dae(meter=1e12), ["'thing'", "m large"]),
+        ("a.dae", gz.dae(meter=1e12), ["thing is 1e+12 m large"]),
         ("a.dae", gz.dae(extra=NODES, nodes=many("top", "n11")), ["a.dae", "nodes in use"]),
         ("a.dae", "<COLLADA>" + "<a>" * 9000, ["a.dae:1", "deep"]),
         ("a.obj", "v 0 0 0\n", ["a.obj", "faces, got none"]),
@@ -280,7 +318,6 @@ def test_meshes(tmp_path: Path, file: str, content: str | bytes, parts: list[str
         ("Kd 1 0", ["a.mtl:2: expected", "numbers"]),
         ("map_Kd /a\0b.png", ["test.world:1: <mesh>", "zero byte"]),
         ("map_Kd a%00b.png", ["test.world:1: <mesh>", "zero byte"]),
-        ("map_Kd %2e%2e/%2e%2e/p.png", ["test.world:1: <mesh>", "leads out of the model folders"]),
     ],
 )
 def test_material_files_of_a_mesh(tmp_path: Path, line: str, parts: list[str]) -> None:
@@ -292,7 +329,7 @@ def test_material_files_of_a_mesh(tmp_path: Path, line: str, parts: list[str]) -
     assert [p for p in parts if p not in message] == []
 
 
-@pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1e7 1e7 1e7", "1 1"])
+@pytest.mark.parametrize("scale", ["0 0 0", "1e30 1 1", "nan 1 1", "1 1"])
 def test_scales(tmp_path: Path, scale: str) -> None:
     shown = mesh("a.dae", f"<scale>{scale}</scale>")
     message = refused(tmp_path, world(model(visual(shown))), {"worlds/a.dae": gz.dae()})
@@ -328,13 +365,11 @@ def test_pictures(tmp_path: Path, content: bytes, part: str) -> None:
         "worlds/a.dae": gz.dae(picture="p.png"),
         "worlds/p.png": content,
     }
-    message = refused(tmp_path, world(model(visual(mesh("a.dae")))), files)
-    assert "p.png" in message and part in message
+    with gz.told("pictures that cannot be read: 1 (", "p.png", part):
+        gz.load(tmp_path, model(visual(mesh("a.dae"))), files)
 
 
 def test_files_that_are_too_large(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from vrchain.world.gazebo import meshes, sdf
-
     monkeypatch.setattr(meshes, "MOST_MESH_BYTES", 1 << 20)
     big = gz.obj() + "# " + "x" * (1 << 20)
     message = refused(tmp_path, world(model(visual(mesh("a.obj")))), {"worlds/a.obj": big})
@@ -356,5 +391,5 @@ def test_a_broken_script(tmp_path: Path) -> None:
 def test_a_pipe_is_no_file(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "a.dae")
     write(tmp_path, {"t.world": world(model(visual(mesh("a.dae"))))})
-    with pytest.raises(SpecError, match=r"no mesh 'a\.dae'"):
+    with pytest.raises(SpecError, match=r"meshes that are missing: 1 \(a\.dae\)"):
         load_scene(tmp_path / "t.world")

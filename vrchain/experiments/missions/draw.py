@@ -26,6 +26,7 @@ from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
 
 WAY_M = (40.0, 120.0)
+_SMALL_SHARE = 1 / 3  # of a small world's length and width together, where that is less
 _APART_M = 2.0  # robots are not nearer to each other
 _PLACES = 100  # in a suburb, where chains of so many landmarks are asked for
 _DRAWS, _DRAWS_AMONG_PLACES = 2000, 50_000
@@ -134,8 +135,9 @@ class Ground:
             zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
-        if not WAY_M[0] <= way_m <= WAY_M[1]:
-            return "way too short" if way_m < WAY_M[0] else "way too long"
+        least_m = min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
+        if not least_m <= way_m <= WAY_M[1]:
+            return "way too short" if way_m < least_m else "way too long"
         if target is None:
             in_view = len(views.shared(poses[0], poses[-1])) > 0
         else:

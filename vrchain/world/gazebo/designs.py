@@ -7,16 +7,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.errors import SpecError
 from vrchain.world.atlas import join_by_texture
 from vrchain.world.gazebo import kinds
 from vrchain.world.gazebo.files import Notes
 from vrchain.world.gazebo.frames import Matrix, Model, Visual
 from vrchain.world.gazebo.ground import depth, is_wide, level_m, plane_of
 from vrchain.world.gazebo.materials import Look, Materials
-from vrchain.world.gazebo.meshes import Meshes
+from vrchain.world.gazebo.mesh.meshes import Meshes
+from vrchain.world.gazebo.outlines import prism, ribbon
 from vrchain.world.gazebo.parts import PRIMITIVES, Part, apart, moved, plane, primitive
-from vrchain.world.gazebo.scripts import Colour
+from vrchain.world.gazebo.scripts import PICTURED, Colour
 from vrchain.world.gazebo.xml import Element
 from vrchain.world.model import SceneObject, Surface, size_of
 
@@ -28,7 +28,8 @@ _NO_LANDMARK = ("ground", "robot", "person")
 _RUNS = ("fence", "wall", "hedge")
 _LEAST_LANDMARK_M = 0.25  # lower things do not stand
 _TILE_EPSILON = 1e-4
-_UNDRAWN = ("heightmap", "image", "polyline")
+_ROAD = Look(PICTURED["Road"])
+_UNDRAWN = ("heightmap", "image")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +45,13 @@ class Ground:
 class Design:
     """A model ready to be placed: an object in its own frame, and ground if it has some.
 
-    pieces: what each of its visuals shows, where there are several, of which each stands in a
-    robot's way for itself. wide: it is nothing but planes as wide as ground.
+    pieces: what each of its visuals shows, which stands in a robot's way for itself; none of a
+    model of ours. wide: it is nothing but planes as wide as ground.
     """
 
     prototype: SceneObject
     ground: tuple[Ground, ...]
-    pieces: tuple[Sequence[Part], ...] = ()
+    pieces: tuple[tuple[Part, ...], ...] = ()
     wide: bool = False
 
 
@@ -94,7 +95,7 @@ class Designs:
         ground: list[Ground] = []
         visuals = list(model.all_visuals(np.eye(4)))
         shown = [self._draw(visual, ground) for visual in visuals]
-        pieces = tuple(piece for piece in shown if piece)
+        pieces = tuple(tuple(piece) for piece in shown if piece)
         parts = [part for piece in pieces for part in piece]
         if not parts and not ground:
             return None
@@ -104,11 +105,11 @@ class Designs:
             size_m = size_of(np.concatenate([p.vertices_m[p.faces.ravel()] for p in parts]))
             least, most = MODEL_SIZE_M
             if not least <= max(size_m) <= most:
-                first = visuals[0].element
-                raise SpecError(
-                    f"{first.file}:{first.line}: the model {model.name!r} is {max(size_m):.3g} m "
-                    f"large, expected {least:g}..{most:g}: mend its <scale> or its mesh's unit"
+                self._notes.add(
+                    f"models not of {least:g} to {most:g} m, left out",
+                    f"{model.name[:30]} is {max(size_m):.3g} m large",
                 )
+                return None
         if model.ours is not None:
             told = model.ours.attributes
             kind, design = told.get("kind", "object"), told.get("model", model.design)
@@ -124,7 +125,7 @@ class Designs:
         landmark = self._is_landmark(model, kind, size_m)
         thing = SceneObject(model.name, kind, design, landmark, kind != "ground", size_m, surfaces)
         wide = all(is_wide(visual) for visual in visuals)
-        return Design(thing, tuple(ground), pieces if len(pieces) > 1 else (), wide)
+        return Design(thing, tuple(ground), pieces, wide)
 
     def _is_landmark(self, model: Model, kind: str, size_m: tuple[float, float, float]) -> bool:
         if kind in _RUNS and max(size_m[:2]) > _RUN_M:
@@ -156,18 +157,24 @@ class Designs:
                 return []
             half = np.minimum(size_m, _SHEET_M) / 2
             found = [plane(-half, half, size_m)]
+        elif shape.tag == "mesh":
+            found = self._mesh(shape)
+        elif shape.tag == "polyline":
+            found = [prism([line for g in element.all("geometry") for line in g.all("polyline")])]
+        elif shape.tag == "road":
+            found = [replace(ribbon(shape), look=_ROAD)]
         else:
-            found = self._mesh(shape) if shape.tag == "mesh" else [primitive(shape)]
+            found = [primitive(shape)]
         self._triangles += sum(len(part.faces) for part in found)
         if self._triangles > MOST_TRIANGLES:  # before they fill the memory
             raise element.error(
                 f"expected at most {MOST_TRIANGLES} triangles in a world, with this it has "
                 f"{self._triangles}: leave models out, or simplify their meshes"
             )
-        return [
-            moved(replace(part, look=look or _coloured(part.look, colour)), matrix)
-            for part in found
-        ]
+        dressed = [replace(part, look=look or _coloured(part.look, colour)) for part in found]
+        if any(part.look.clear for part in dressed):
+            self._notes.add("parts of meshes more than half transparent", element.name)
+        return [moved(part, matrix) for part in dressed if not part.look.clear]
 
     def _shape(self, element: Element) -> Element | None:
         """What the <geometry> of a visual holds, if it can be drawn."""
@@ -181,7 +188,7 @@ class Designs:
             self._notes.add(f"{shape.tag}s", name)
         elif transparency >= 0.5:
             self._notes.add("visuals more than half transparent", name)
-        elif shape.tag not in ("plane", "mesh", *PRIMITIVES):
+        elif shape.tag not in ("plane", "mesh", "polyline", "road", *PRIMITIVES):
             self._notes.add("unknown geometry", shape.tag)
         else:
             if transparency > 0:
@@ -195,7 +202,8 @@ class Designs:
             raise shape.error("expected a <uri>")
         file = self._materials.beside(uri.text, shape.file.parent, uri)
         if file is None:
-            raise uri.error(f"no mesh {uri.text[:200]!r}: check the name, or the model's folder")
+            self._notes.lose("meshes that are missing", uri.text)
+            return []
         parts = self._meshes.parts(file, shape)
         submesh = shape.find("submesh")
         if submesh is not None and parts:
@@ -238,10 +246,10 @@ def _coloured(look: Look, colour: Colour | None) -> Look:
     """A look in a colour of its visual's: it replaces the look's own, and tints its picture."""
     if colour is None:
         return look
-    if look.picture is None:
-        return replace(look, colour=colour)
-    (r, g, b), (x, y, z) = look.colour, colour
-    return replace(look, colour=(r * x, g * y, b * z))
+    if look.picture is not None:
+        (r, g, b), (x, y, z) = look.colour, colour
+        colour = r * x, g * y, b * z
+    return replace(look, colour=colour, clear=False)
 
 
 def _surface(part: Part, texture: NDArray[np.uint8]) -> Surface:

@@ -3,8 +3,13 @@
 Every path is resolved, and stays in the folders given.
 """
 
+import hashlib
 import os
+import re
 from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
 from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import unquote
@@ -13,8 +18,8 @@ from vrchain.errors import SpecError
 from vrchain.world.gazebo.xml import Element
 
 VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
-_SCHEMES = ("model://", "package://")
-_FILE = "file://"
+_MOST_PARTS = 32  # of a URI, from its end
+_FUEL = re.compile(r"^.*?/models/([^/]+)(?:/(?:\d+|tip))?(?:/files)?(?=/|$)")
 
 
 @dataclass(frozen=True)
@@ -25,38 +30,33 @@ class Folders:
     world: Path
 
     def find(self, uri: str, beside: Path, element: Element) -> Path | None:
-        """The file or folder that a URI names, resolved; None where there is none.
+        """The file or folder that a URI names, resolved; None where there is none in the folders.
 
-        ``model://NAME/...`` is looked for in every folder of models, ``file://...`` and a path
-        without a scheme from the folder ``beside``. Raises SpecError for what leads out of these
-        folders, and for other schemes.
+        ``file://...`` and a path without a scheme are looked for from the folder ``beside``; a URI
+        of any scheme, as ``model://`` or ``https://``, in every folder of models: all of it, then
+        less and less from its end, as users have set roots of many depths. Nothing that leads out
+        of these folders is found. Raises SpecError for what cannot be looked for.
         """
         if "\0" in uri:
             raise element.error("a path holds no zero byte")
-        if is_elsewhere(uri):
-            raise element.error(
-                f"expected a path, file:// or model://, got {uri[:200]!r}: nothing is fetched, so "
-                f"download the model into a folder of {VARIABLES[0]} and name it by model://"
-            )
-        if uri.startswith(_SCHEMES):
-            roots = allowed = self.models
-            rest = uri.partition("://")[2].strip("/")
-        else:
-            roots, allowed = (beside,), (*self.models, self.world)
-            rest = uri = unquote(uri.removeprefix(_FILE)) if uri.startswith(_FILE) else uri
-        for root in roots:
-            path = _resolved(root / rest)
-            if not any(path.is_relative_to(folder) for folder in allowed):
-                raise element.error(
-                    f"{uri[:200]!r} leads out of the model folders "
-                    f"({', '.join(str(a) for a in allowed)}): keep what it names in one of them"
-                )
-            try:
-                if _exists(path):
-                    return path
-            except SpecError as error:
-                raise element.error(str(error)) from None
-        return None
+        scheme, named, rest = uri.rpartition("://")
+        near = (rest, unquote(rest)) if scheme == "file" else (rest,) if not named else ()
+        places = [beside / spelt for spelt in near]
+        if named:
+            tails = dict.fromkeys(tail for spelt in _spellings(rest) for tail in _tails(spelt))
+            places += [folder / tail for tail in tails for folder in self.models]
+        try:
+            return next((path for place in places if (path := self._held(place)) is not None), None)
+        except SpecError as error:
+            raise element.error(str(error)) from None
+
+    def _held(self, place: Path) -> Path | None:
+        """What lies at a path, resolved; None where nothing does or the path leads out."""
+        path = _resolved(place)
+        allowed = any(path.is_relative_to(folder) for folder in (*self.models, self.world))
+        if not allowed:
+            return None
+        return path if _noted("path", place) else None
 
     def hold(self, path: Path) -> bool:
         """Whether a path leads into one of these folders."""
@@ -81,14 +81,31 @@ def model_folders(world: Path) -> Folders:
     return Folders(tuple(dict.fromkeys(found)), here)
 
 
-def is_elsewhere(uri: str) -> bool:
-    """Whether a URI has a scheme of what does not lie on this disk."""
-    return "://" in uri and not uri.startswith((*_SCHEMES, _FILE))
+def _spellings(rest: str) -> list[str]:
+    """Paths that a URI without its scheme may mean; those of a Fuel server as users store them."""
+    spelt = list(dict.fromkeys((rest, unquote(rest))))
+    if (found := _FUEL.match(spelt[-1])) is not None:
+        name, within = found[1], spelt[-1][found.end() :]
+        bare = name.replace(" ", "_")
+        spelt += [n + within for n in (name, bare, name.lower(), bare.lower())]
+    return spelt
+
+
+def _tails(path: str) -> list[str]:
+    """A path, then without its first part, its first two, and so on; none of them leads upwards."""
+    parts = [part for part in path.split("/") if part not in ("", ".")][-_MOST_PARTS:]
+    first = max((k + 1 for k, part in enumerate(parts) if part == ".."), default=0)
+    return ["/".join(parts[k:]) for k in range(first, len(parts))]
 
 
 def is_file(path: Path) -> bool:
     """Whether a path is a file's. Raises SpecError where that cannot be told."""
-    return _exists(path) and path.is_file()
+    return _noted("kind", path) == "file"
+
+
+def files_in(folder: Path, pattern: str) -> list[Path]:
+    """The files of a folder whose names have a pattern, in order; none if it is no folder."""
+    return [folder / name for name in _noted(f"names {pattern}", folder).split("/") if name]
 
 
 def read_bytes(path: Path, most: int) -> bytes:
@@ -102,7 +119,58 @@ def read_bytes(path: Path, most: int) -> bytes:
         raise SpecError(f"{path}: cannot read it: {error.strerror or error}") from error
     if len(data) > most:
         raise SpecError(f"{path}: expected at most {most >> 20} MiB, this file is larger")
+    if (seen := _WATCHED.get()) is not None:
+        seen.found.append(("bytes", str(path), hashlib.sha256(data).hexdigest()))
     return data
+
+
+@dataclass(frozen=True)
+class Watched:
+    """What was looked at: (what of it, path, answer) each."""
+
+    found: list[tuple[str, str, str]]
+
+    def still_holds(self) -> bool:
+        """Whether all is as it was."""
+        return all(_look(what, Path(path)) == answer for what, path, answer in self.found)
+
+
+_WATCHED: ContextVar[Watched | None] = ContextVar("watched", default=None)
+
+
+@contextmanager
+def watching() -> Iterator[Watched]:
+    """Note what is looked at in files and folders while the block runs."""
+    token = _WATCHED.set(Watched([]))
+    try:
+        seen = _WATCHED.get()
+        assert seen is not None
+        yield seen
+    finally:
+        _WATCHED.reset(token)
+
+
+def _noted(what: str, path: Path) -> str:
+    answer = _look(what, path)
+    if (seen := _WATCHED.get()) is not None:
+        seen.found.append((what, str(path), answer))
+    return answer
+
+
+def _look(what: str, path: Path) -> str:
+    """What is at a path: where a link leads, which kind, which names, or a digest; "" for none."""
+    if what == "path":
+        resolved = _resolved(path)
+        return str(resolved) if _exists(resolved) else ""
+    if what == "kind":
+        return "file" if _exists(path) and path.is_file() else ""
+    if what == "bytes":
+        if not path.is_file():
+            return ""
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    found = path.glob(what.removeprefix("names ")) if path.is_dir() else ()
+    return "/".join(sorted(f.name for f in found if f.is_file()))
 
 
 def _exists(path: Path) -> bool:
@@ -127,19 +195,34 @@ class Notes:
 
     def __init__(self) -> None:
         self._found: dict[str, Counter[str]] = {}
+        self._lost: dict[str, Counter[str]] = {}
 
     def add(self, kind: str, name: str = "") -> None:
         """One more of a kind, such as "plugins"."""
         self._found.setdefault(kind, Counter())[name] += 1
 
+    def lose(self, kind: str, name: str) -> None:
+        """One more file of a kind, such as "meshes that are missing"; all of them are named."""
+        self._lost.setdefault(kind, Counter())[name] += 1
+
+    @property
+    def lost(self) -> str:
+        """The files that are not there or broken, "" if there are none."""
+        return _listed(self._lost, None, 400)
+
     def __bool__(self) -> bool:
-        return bool(self._found)
+        return bool(self._found or self._lost)
 
     def __str__(self) -> str:
-        """Every kind, how often, and the first names."""
-        lines = []
-        for kind, names in sorted(self._found.items()):
-            named = [" ".join(name.split())[:60] for name in names if name]
-            told = ", ".join([*named[:4], *(["..."] if len(named) > 4 else [])])
-            lines.append(f"{kind}: {names.total()}" + (f" ({told})" if told else ""))
-        return "; ".join(lines)
+        """Every kind, how often, and the first names; of files that are not there all names."""
+        return "; ".join(told for told in (self.lost, _listed(self._found, 4, 60)) if told)
+
+
+def _listed(found: dict[str, Counter[str]], most: int | None, letters: int) -> str:
+    """Kinds, how often each, and so many names of it, cut to so many letters."""
+    lines = []
+    for kind, names in sorted(found.items()):
+        named = [" ".join(name.split())[:letters] for name in names if name]
+        told = ", ".join([*named[:most], *(["..."] if named[:most] != named else [])])
+        lines.append(f"{kind}: {names.total()}" + (f" ({told})" if told else ""))
+    return "; ".join(lines)

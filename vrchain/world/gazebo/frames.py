@@ -13,7 +13,7 @@ from vrchain.geometry import rotation_z
 from vrchain.world.gazebo.xml import Element
 
 Matrix = NDArray[np.float64]
-FARTHEST_M = 1e5  # of any place from the origin
+FARTHEST_M = 1e5  # of any place from the origin; what lies farther away is left out
 _FRAMED = ("link", "model", "include", "frame", "joint")
 
 
@@ -30,7 +30,7 @@ class Model:
     """A model as its file has it: its own pose, its visuals, and models within it.
 
     count: of models, itself and those within it, and within these. ours: what a world of our own
-    says of it.
+    says of it. placement: the frame that its pose places, "" for its own.
     """
 
     name: str
@@ -41,6 +41,7 @@ class Model:
     count: int
     ours: Element | None
     frames: "Frames"
+    placement: str = ""
 
     def all_visuals(self, matrix: Matrix) -> Iterator[Visual]:
         """Its visuals and those of all models within it, by ``matrix`` from its frame."""
@@ -96,12 +97,8 @@ def pose_matrix(element: Element | None) -> Matrix:
             for angle, shift in zip(angles, (1, 2, 0), strict=True)
         )
         matrix[:3, :3] = yaw @ pitch @ roll
-    if max(abs(x_m), abs(y_m), abs(z_m)) >= FARTHEST_M:
-        raise element.error(
-            f"expected a place within {FARTHEST_M / 1000:g} km, this is farther away: "
-            f"{element.text[:60]!r}"
-        )
-    matrix[:3, 3] = x_m, y_m, z_m
+    # What lies too far away is left out; until then, sums stay finite.
+    matrix[:3, 3] = np.clip((x_m, y_m, z_m), -1e9, 1e9)
     return matrix
 
 
@@ -136,6 +133,22 @@ class Frames:
         default: a model's own, where none is given; seen: the names whose poses depend on this one.
         """
         pose = element.find("pose")
+        model = self._models.get(element)
+        if model is not None:
+            placement = element.words("placement_frame") or model.placement
+            if placement:
+                placed = np.linalg.inv(model.frames._named(placement, element, ()))
+                return self._posed(element, pose, default, outer, seen) @ placed
+        return self._posed(element, pose, default, outer, seen)
+
+    def _posed(
+        self,
+        element: Element,
+        pose: Element | None,
+        default: Matrix | None,
+        outer: Matrix | None,
+        seen: tuple[str, ...],
+    ) -> Matrix:
         if pose is None and default is not None:
             return default
         base = pose.attributes.get("relative_to", "") if pose is not None else ""
@@ -159,6 +172,11 @@ class Frames:
             raise user.error(f"its pose depends on itself: {' -> '.join((*seen, name))[:200]}")
         element = self._elements.get(name)
         first, _, within = name.partition("::")
+        if first not in self._elements:  # what a merged model holds is the scope's own
+            for merged, part in self._models.items():
+                if is_merged(merged) and first in part.frames._elements:
+                    at = self.of(merged, part.pose, seen=(*seen, name))
+                    return at @ part.frames._named(name, user, ())
         if element is None and within:
             element = self._elements.get(first)
         model = None if element is None else self._models.get(element)
@@ -166,6 +184,11 @@ class Frames:
             raise user.error(f"there is no frame {name[:80]!r} in <{self._scope.tag}>")
         matrix = self.of(element, model.pose if model else None, seen=(*seen, name))
         return matrix @ model.frames._named(within, user, ()) if model and within else matrix
+
+
+def is_merged(element: Element) -> bool:
+    """Whether an <include> makes its model's parts those of the model that it stands in."""
+    return element.tag == "include" and element.attributes.get("merge") in ("true", "1")
 
 
 def name_of(element: Element, otherwise: str) -> str:

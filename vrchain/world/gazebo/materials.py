@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.files import Folders, Notes, is_elsewhere, is_file, read_bytes
+from vrchain.world.gazebo.files import Folders, Notes, files_in, is_file, read_bytes
 from vrchain.world.gazebo.scripts import HALF, PICTURED, STOCK, WHITE, Colour, Script, read_script
 from vrchain.world.gazebo.xml import Element
 
@@ -30,17 +30,30 @@ _NORMAL_MAPS = (
 
 
 @dataclass(frozen=True)
+class Embedded:
+    """A picture within a mesh file."""
+
+    file: Path
+    data: bytes
+
+    def __str__(self) -> str:
+        return f"{self.file}: a picture in it"
+
+
+@dataclass(frozen=True)
 class Look:
     """How a surface is drawn: a colour, times a picture if there is one.
 
     solid_above: alpha, 0..255, above which a texel is solid; None: all of it is. repeats: how often
-    the picture is repeated where texture coordinates run from 0 to 1.
+    the picture is repeated where texture coordinates run from 0 to 1. clear: glass, and what is
+    invisible; it is not drawn.
     """
 
     colour: Colour = WHITE
-    picture: Path | None = None
+    picture: Path | Embedded | None = None
     solid_above: int | None = None
     repeats: tuple[float, float] = (1.0, 1.0)
+    clear: bool = False
 
 
 class Materials:
@@ -82,13 +95,11 @@ class Materials:
                 for place in (folder, *(n for n in near if self._folders.hold(n))):
                     if (found := self._file(spelt, place, element)) is not None:
                         return found
-        self._notes.add("pictures that are missing", name)
+        self._notes.lose("pictures that are missing", name)
         return None
 
     def _spellings(self, name: str) -> Iterator[str]:
         """A picture's path as it is written, as a URI, and bare where it is of another disk."""
-        if is_elsewhere(name):
-            return
         for spelt in dict.fromkeys((name, unquote(name))):
             lost = bool(PureWindowsPath(spelt).drive)
             if spelt.startswith("/") and "\0" not in spelt:  # which is refused
@@ -119,10 +130,10 @@ class Materials:
 
     def _made(self, look: Look) -> NDArray[np.uint8]:
         colour = np.clip(look.colour, 0, 1)
-        if look.picture is None:
+        rgba = None if look.picture is None else self._read(look.picture)
+        if rgba is None:
             plain = np.round(255 * colour).astype(np.uint8)
             return np.broadcast_to(plain, (_PLAIN_PX, _PLAIN_PX, 3)).copy()
-        rgba = read_picture(look.picture)
         rgb = rgba[..., :3].copy()
         if look.colour != WHITE:
             rgb = np.round(rgb * colour).astype(np.uint8)
@@ -132,6 +143,13 @@ class Materials:
         if solid.all():
             return rgb
         return np.dstack([rgb, np.where(solid, 255, 0).astype(np.uint8)])
+
+    def _read(self, file: Path | Embedded) -> NDArray[np.uint8] | None:
+        try:
+            return read_picture(file)
+        except SpecError as error:
+            self._notes.lose("pictures that cannot be read", str(error))
+            return None
 
     def _scripted(self, element: Element) -> Look:
         """The look of a <script>: its name in the scripts of its <uri>s, or in the model's own."""
@@ -162,10 +180,9 @@ class Materials:
         folders = []
         for uri in element.all("uri"):
             if uri.text and not uri.text.startswith("file://"):
-                here = not is_elsewhere(uri.text)
-                found = self._folders.find(uri.text, element.file.parent, uri) if here else None
+                found = self._folders.find(uri.text, element.file.parent, uri)
                 if found is None:
-                    self._notes.add("material folders that are missing", uri.text)
+                    self._notes.lose("material folders that are missing", uri.text)
                 else:
                     folders.append(found)
         return [*folders, element.file.parent / "materials" / "scripts"]
@@ -190,15 +207,15 @@ def _script_files(places: list[Path]) -> Iterator[Path]:
     for place in places:
         if is_file(place):
             yield place
-        elif place.is_dir():
-            yield from sorted(f for f in place.glob("*.material") if is_file(f))
+        else:
+            yield from files_in(place, "*.material")
 
 
-def read_picture(file: Path) -> NDArray[np.uint8]:
+def read_picture(file: Path | Embedded) -> NDArray[np.uint8]:
     """A picture as (h, w, 4) uint8 RGBA, at most ``TEXTURE_PX`` a side. Raises SpecError."""
     from PIL import Image
 
-    data = read_bytes(file, MOST_IMAGE_BYTES)
+    data = file.data if isinstance(file, Embedded) else read_bytes(file, MOST_IMAGE_BYTES)
     try:
         with Image.open(io.BytesIO(data), formats=_FORMATS) as image:
             if max(image.size) > MOST_IMAGE_PX or min(image.size) < 1:

@@ -12,6 +12,7 @@ from vrchain.world.gazebo.materials import Look, Materials
 from vrchain.world.gazebo.xml import Element
 
 MOST_MESH_TRIANGLES = 2_000_000
+MOST_MESH_NODES = 20_000  # every use of one counted
 PRIMITIVES = ("box", "cylinder", "sphere", "capsule", "ellipsoid", "cone")
 _PLAIN = Look()
 _AROUND, _RINGS = 32, 16
@@ -55,31 +56,32 @@ def moved(part: Part, matrix: NDArray[np.float64]) -> Part:
 
 
 def primitive(element: Element) -> Part:
-    """One of ``PRIMITIVES``, with texture coordinates as Gazebo gives them. Raises SpecError."""
+    """One of ``PRIMITIVES``, with texture coordinates as Gazebo gives them. Raises SpecError.
+
+    See http://sdformat.org/spec for the defaults.
+    """
     if element.tag == "box":
-        return _box(_positive(element, "size", 3) / 2)
+        return _box(_positive(element, "size", (1.0, 1.0, 1.0)) / 2)
     if element.tag == "ellipsoid":
-        return _ball(_positive(element, "radii", 3))
-    (radius,) = _positive(element, "radius", 1)
+        return _ball(_positive(element, "radii", (1.0, 1.0, 1.0)))
+    (radius,) = _positive(element, "radius", (0.5 if element.tag == "capsule" else 1.0,))
     if element.tag == "sphere":
         return _ball(np.full(3, radius))
-    (length,) = _positive(element, "length", 1)
+    (length,) = _positive(element, "length", (1.0,))
     if element.tag == "capsule":
         return _ball(np.full(3, radius), length)
     low, high = _lid(radius, -length / 2), _lid(radius, length / 2)
     ends = np.array([-length, length]) / 2
     if element.tag == "cone":
-        return _joined(_round(np.array([radius, 0.0]), ends), low)
-    return _joined(_round(np.array([radius, radius]), ends), high, low)
+        return joined(_round(np.array([radius, 0.0]), ends), low)
+    return joined(_round(np.array([radius, radius]), ends), high, low)
 
 
-def _positive(element: Element, name: str, n: int) -> NDArray[np.float64]:
-    child = element.find(name)
-    if child is None:
-        raise element.error(f"expected a <{name}>")
-    values = np.array(child.numbers(n))
+def _positive(element: Element, name: str, default: tuple[float, ...]) -> NDArray[np.float64]:
+    """Numbers above 0; what is not given is as the specification has it."""
+    values = np.array(element.values(name, default))
     if values.min() <= 0:
-        raise child.error(f"expected more than 0, got {child.text!r}")
+        raise element.error(f"expected more than 0 in its <{name}>, got {element.words(name)!r}")
     return values
 
 
@@ -109,7 +111,7 @@ def _box(half: NDArray[np.float64]) -> Part:
             normal, up = np.eye(3)[axis] * side, np.eye(3)[1 if axis == 2 else 2]
             square = normal + corners[..., :1] * np.cross(up, normal) + corners[..., 1:] * up
             sides.append(grid(square * half, corners / 2 + 0.5))
-    return _joined(*sides)
+    return joined(*sides)
 
 
 def _round(radius: NDArray[np.float64], height: NDArray[np.float64]) -> Part:
@@ -144,7 +146,8 @@ def _ball(radii: NDArray[np.float64], gap: float = 0.0) -> Part:
     return replace(ball, vertices_m=points)
 
 
-def _joined(*parts: Part) -> Part:
+def joined(*parts: Part) -> Part:
+    """Parts with texture coordinates as one, in the first one's look."""
     first = np.cumsum([0, *(len(p.vertices_m) for p in parts)])
     return Part(
         np.concatenate([p.vertices_m for p in parts]),

@@ -9,17 +9,26 @@ from pathlib import Path
 
 import numpy as np
 
-from vrchain.world.gazebo.files import VARIABLES, Folders, Notes, is_file, read_bytes
-from vrchain.world.gazebo.frames import Frames, Matrix, Model, Placed, Visual, name_of, pose_matrix
+from vrchain.world.gazebo.files import Folders, Notes, is_file, read_bytes
+from vrchain.world.gazebo.frames import (
+    Frames,
+    Matrix,
+    Model,
+    Placed,
+    Visual,
+    is_merged,
+    name_of,
+    pose_matrix,
+)
+from vrchain.world.gazebo.population import spread
 from vrchain.world.gazebo.xml import MOST_XML_BYTES, Element, parse
 
 MOST_INCLUDES_DEEP = 16
 MOST_MODELS = 10_000  # placed in a world
 # What may stand in a world, model or link and is not drawn, and how the warning calls it.
 _UNSUPPORTED = {
-    "plugin": "plugins", "fog": "fog", "actor": "actors", "population": "populations",
-    "road": "roads of lines", "light": "lights beside the sun", "sensor": "sensors",
-    "projector": "projectors", "particle_emitter": "particle emitters",
+    "plugin": "plugins", "fog": "fog", "actor": "actors", "light": "lights beside the sun",
+    "sensor": "sensors", "projector": "projectors", "particle_emitter": "particle emitters",
     "experimental:params": "parameters of includes",
 }  # fmt: skip
 _Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
@@ -63,7 +72,10 @@ class _Reader:
             raise root.error("expected a <world> or a <model> in it")
         self._open.append(path.resolve())
         lights = [(light, light.find("pose")) for light in scope.all("light")]
+        crowds = [one for crowd in scope.all("population") for one in spread(crowd, MOST_MODELS)]
+        scope = replace(scope, children=[*scope.children, *crowds])
         models, _ = self._placed(scope, lights)
+        models += [_road(road) for road in scope.all("road")]
         self._unsupported(scope, _UNSUPPORTED.keys() - {"light"})
         for inside, kind in (("gui", "plugin"), ("scene", "fog")):
             for element in scope.all(inside):
@@ -88,6 +100,8 @@ class _Reader:
             found = self._model(element) if element.tag == "model" else self._included(element)
             if isinstance(found, Model):
                 models[element] = found
+            elif found is None:
+                continue
             elif found.tag == "light":
                 lights.append((found, element.find("pose") or found.find("pose")))
             else:
@@ -114,7 +128,12 @@ class _Reader:
         nested, frames = self._placed(element, lights)
         for _ in lights:
             self._notes.add(_UNSUPPORTED["light"], name)
+        merged = [part for part in nested if is_merged(part.element)]
+        nested = [part for part in nested if part not in merged]
         visuals = []
+        for part in merged:
+            visuals += [replace(v, matrix=part.matrix @ v.matrix) for v in part.model.visuals]
+            nested += [replace(p, matrix=part.matrix @ p.matrix) for p in part.model.nested]
         for link in element.all("link"):
             self._unsupported(link)
             matrix = frames.of(link)
@@ -124,18 +143,30 @@ class _Reader:
         self._deep -= 1
         pose = pose_matrix(element.find("pose"))
         count = 1 + sum(p.model.count for p in nested)
-        ours = element.find("vrchain:object")
-        return Model(name, pose, tuple(visuals), tuple(nested), design or name, count, ours, frames)
+        return Model(
+            name,
+            pose,
+            tuple(visuals),
+            tuple(nested),
+            design or name,
+            count,
+            element.find("vrchain:object"),
+            frames,
+            element.attributes.get("placement_frame", ""),
+        )
 
-    def _included(self, include: Element) -> Model | Element:
-        """The model of an <include>; or the element of what else it holds, such as a light."""
+    def _included(self, include: Element) -> Model | Element | None:
+        """The model of an <include>; or the element of what else it holds, such as a light.
+
+        None, with a note, where there is none.
+        """
         self._unsupported(include)
         file = self._model_file(include)
+        if file is None:
+            return None
         if file in self._open:
             circle = " -> ".join(str(f.name) for f in (*self._open, file))
             raise include.error(f"{include.words('uri')} includes itself: {circle}")
-        if include.find("placement_frame") is not None:
-            self._notes.add("placement frames", include.words("placement_frame"))
         if file not in self._models:
             self._open.append(file)
             root = self._document(file)
@@ -152,17 +183,14 @@ class _Reader:
             self._open.pop()
         return self._models[file]
 
-    def _model_file(self, include: Element) -> Path:
+    def _model_file(self, include: Element) -> Path | None:
         uri = include.words("uri")
         if not uri:
             raise include.error("expected a <uri>")
         found = self._folders.find(uri, include.file.parent, include)
-        if found is None:
-            raise include.error(
-                f"no model {uri[:200]!r} in the folders searched ({self._folders}): "
-                f"name its folder's parent in {VARIABLES[0]} or {VARIABLES[1]}"
-            )
-        if is_file(found):
+        if found is None or is_file(found):
+            if found is None:
+                self._notes.lose("models that are missing", uri)
             return found
         config = found / "model.config"
         named = "model.sdf"
@@ -172,13 +200,11 @@ class _Reader:
                 named = max(listed, key=_version).text
         file = self._folders.find(named, found, include)
         if file is None or not is_file(file):
-            raise include.error(f"the model {uri!r} has no file {named!r} in {found}")
+            self._notes.lose("models that are missing", f"{uri}, whose folder has no {named!r}")
+            return None
         return file
 
     def _unsupported(self, scope: Element, kinds: Iterable[str] = _UNSUPPORTED) -> None:
-        name = scope.name
-        if scope.attributes.get("placement_frame"):
-            self._notes.add("placement frames", name)
         pose = scope.find("pose")
         if pose is not None and pose.attributes.get("frame"):
             self._notes.add("frames of poses, as of SDF 1.5", pose.attributes["frame"])
@@ -205,6 +231,15 @@ class _Reader:
 def _version(sdf: Element) -> tuple[int, ...]:
     words = sdf.attributes.get("version", "0").split(".")
     return tuple(int(word) if word.isdigit() else 0 for word in words)
+
+
+def _road(road: Element) -> Placed:
+    """A <road> as a model of one visual."""
+    shape = replace(road, tag="geometry", children=[road])
+    visual = replace(road, tag="visual", children=[shape, *road.all("material")])
+    frames, here, name = Frames(road, {}), np.eye(4), road.name or "road"
+    model = Model(name, here, (Visual(visual, here),), (), name, 1, None, frames)
+    return Placed(name, model, here, road)
 
 
 def _as_saved(models: Iterable[Placed], scope: Element, notes: Notes) -> Iterator[Placed]:

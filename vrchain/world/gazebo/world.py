@@ -7,22 +7,21 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-import shapely
 
 from vrchain import seeding
 from vrchain.errors import SpecError, UnsupportedWarning
 from vrchain.paths import scene_file
 from vrchain.world import backdrop, light
 from vrchain.world.backdrop import outdoors
-from vrchain.world.gazebo import ground
+from vrchain.world.gazebo import cache, ground
 from vrchain.world.gazebo.designs import MOST_TRIANGLES, Design, Designs, unique
-from vrchain.world.gazebo.files import Notes, is_file, model_folders
+from vrchain.world.gazebo.files import VARIABLES, Folders, Notes, is_file, model_folders
 from vrchain.world.gazebo.frames import FARTHEST_M, Matrix, Placed
 from vrchain.world.gazebo.materials import Materials
-from vrchain.world.gazebo.parts import moved
+from vrchain.world.gazebo.obstacles import Outlines
 from vrchain.world.gazebo.sdf import MOST_MODELS, World, read_world
 from vrchain.world.gazebo.xml import Element
-from vrchain.world.model import LightMap, Scene, SceneObject, Surface, ground_polygon
+from vrchain.world.model import LightMap, Scene, SceneObject, Surface
 from vrchain.world.spec import LightSpec, parse_spec
 
 SUFFIXES = (".world", ".sdf")
@@ -42,21 +41,19 @@ class _Thing(NamedTuple):
     placed: Placed
     design: Design
 
-    def object(self) -> SceneObject:
+    def object(self, outlines: Outlines) -> SceneObject:
         """What of it is no ground, in the world."""
         thing, pieces, matrix = self.design.prototype, self.design.pieces, self.placed.matrix
         surfaces = tuple(_moved(s, matrix) for s in thing.surfaces)
-        outline = None
-        if thing.solid and pieces:  # what its visuals stand around is free
-            corners = ([moved(p, matrix).vertices_m[p.faces] for p in piece] for piece in pieces)
-            outline = shapely.union_all([ground_polygon(np.concatenate(c)) for c in corners])
-        placed = replace(thing, name=self.name, surfaces=surfaces, outline=outline)
-        if not np.abs(placed.bounds_m).max() < FARTHEST_M:
-            raise self.placed.element.error(
-                f"the model {self.name[:80]!r} lies more than {FARTHEST_M / 1000:g} km away: "
-                "mend its <pose>"
-            )
-        return placed
+        outline = outlines.of(pieces, matrix) if thing.solid and pieces else None
+        return replace(thing, name=self.name, surfaces=surfaces, outline=outline)
+
+    @property
+    def is_far(self) -> bool:
+        """Whether it lies farther away than any map reaches."""
+        surfaces, away = self.design.prototype.surfaces, self.placed.matrix[:3, 3]
+        reach_m = np.abs(self.design.prototype.bounds_m).max() if surfaces else 0.0
+        return bool(np.abs(away).max() + reach_m > FARTHEST_M)
 
 
 def _moved(surface: Surface, matrix: Matrix) -> Surface:
@@ -64,29 +61,58 @@ def _moved(surface: Surface, matrix: Matrix) -> Surface:
     return replace(surface, vertices_m=points.astype(np.float32))
 
 
-def load_world(path: str | Path) -> Scene:
+def load_world(path: str | Path, *, strict: bool = False) -> Scene:
     """The scene of a ``.world`` or ``.sdf`` file, whose models lie in ``model_folders``.
 
-    What is not supported is told by one UnsupportedWarning. Raises SpecError, with the file and
-    the line or element, on anything amiss.
+    What is not supported, and every file that is missing, is told by one UnsupportedWarning;
+    strict: missing files are an error. Raises SpecError, with the file and the line or element, on
+    anything else amiss.
     """
     path = scene_file(path)
     if not is_file(path):
         what = "is a folder" if path.is_dir() else "is not there"
         raise SpecError(f"{path} {what}: give a world file ({' or '.join(SUFFIXES)})")
-    notes = Notes()
     folders = model_folders(path)
+    loaded: _Loaded = cache.kept(
+        [str(path.absolute()), *map(str, folders.models)], lambda: _load(path, folders, strict)
+    )
+    if strict and loaded.lost:
+        raise SpecError(f"{path}: {loaded.lost}")
+    if loaded.told:
+        warnings.warn(f"{path}: {loaded.told}", UnsupportedWarning, 3)
+    return loaded.scene
+
+
+class _Loaded(NamedTuple):
+    """A scene, what is told of its world, and of the files that are missing."""
+
+    scene: Scene
+    told: str
+    lost: str
+
+
+def _load(path: Path, folders: Folders, strict: bool) -> _Loaded:
+    notes = Notes()
     world = read_world(path, folders, notes)
     models = [placed for model in world.models for placed in model.flat(np.eye(4))]
     designs = Designs(Materials(folders, notes), notes, ground.visual_of(models))
     taken: dict[str, int] = {}
-    things = [
-        _Thing(unique(placed.name, taken), placed, design)
-        for placed in models
-        if (design := designs.of(placed.model)) is not None
-    ]
+    things = []
+    for placed in models:
+        if (design := designs.of(placed.model)) is not None:
+            thing = _Thing(unique(placed.name, taken), placed, design)
+            if thing.is_far:
+                notes.add(f"models more than {FARTHEST_M / 1000:g} km away, left out", thing.name)
+            else:
+                things.append(thing)
+    if notes.lost:
+        hint = f"; looked for in {folders}: name more folders in {VARIABLES[0]} or {VARIABLES[1]}"
+        if strict:
+            raise SpecError(f"{path}: {notes.lost}{hint}")
+    else:
+        hint = ""
     if not things:
-        why = f": not supported: {notes}" if notes else ""
+        why = f": not supported: {notes}{hint}" if notes else ""
         raise SpecError(f"{path}: nothing in this world can be drawn{why}")
     triangles = sum(len(s.faces) for thing in things for s in thing.design.prototype.surfaces)
     if len(things) > MOST_MODELS or triangles > MOST_TRIANGLES:
@@ -98,9 +124,8 @@ def load_world(path: str | Path) -> Scene:
         scene = _own_scene(world.name, things, world.ours, notes)
     else:
         scene = _scene(path, world, things, designs, notes)
-    if notes:
-        warnings.warn(f"{path}: not supported or simplified: {notes}", UnsupportedWarning, 3)
-    return scene
+    told = f"not supported or simplified: {notes}{hint}" if notes else ""
+    return _Loaded(scene, told, f"{notes.lost}{hint}")
 
 
 def _scene(
@@ -116,7 +141,8 @@ def _scene(
     # The lowest piece is the floor of the world, all over.
     (_, floor_m), floor = min((piece[:2] for piece in pieces), default=((False, 0.0), None))
     shown = [thing for thing in things if thing.design.prototype.surfaces]
-    objects = [thing.object() for thing in shown]
+    outlines = Outlines()
+    objects = [thing.object(outlines) for thing in shown]
     bounds = [o.bounds_m[:, :2] for o, t in zip(objects, shown, strict=True) if not t.design.wide]
     boxes = bounds or [
         matrix[:2, 3] + np.outer((-0.5, 0.5), np.minimum(size_m, MAP_M))
@@ -231,7 +257,8 @@ def _own_scene(name: str, things: Sequence[_Thing], ours: Element, notes: Notes)
     for thing in things:
         if thing.design.ground:
             notes.add("planes of ground in a suburb of ours, which has its own", thing.placed.name)
-    objects = [thing.object() for thing in things if thing.design.prototype.surfaces]
+    outlines = Outlines()
+    objects = [thing.object(outlines) for thing in things if thing.design.prototype.surfaces]
     standing = [o for o in objects if o.bounds_m[:, 2].any()]
     lying = [o for o in objects if not o.bounds_m[:, 2].any()]
     return outdoors(spec, standing, lying)

@@ -1,6 +1,11 @@
-"""XML read by expat into plain elements that know their file and line; no entities, no DTD."""
+"""XML read by expat into plain elements that know their file and line; no entities, no DTD.
 
+Gazebo reads with tinyxml2, which passes over what is no XML: see ``mended``.
+"""
+
+import codecs
 import math
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,6 +16,10 @@ from vrchain.errors import SpecError
 MOST_XML_BYTES = 16 << 20
 MOST_XML_ELEMENTS = 400_000
 MOST_XML_DEPTH = 100
+
+_DECLARATION = re.compile(rb"(\s*)(<\?xml\b[^<>]*\?>)")
+_OPAQUE = re.compile(rb"<!--|<!\[CDATA\[")  # what holds no markup
+_BARE = re.compile(rb"&(?!(?:lt|gt|amp|quot|apos|#\d{1,7}|#x[0-9a-fA-F]{1,6});)")
 
 
 @dataclass(eq=False)
@@ -97,13 +106,17 @@ def parse(data: bytes, file: Path) -> Element:
 
     parser = expat.ParserCreate()
     parser.CharacterDataHandler = lambda words: texts[-1].append(words)
-    _run(parser, data, file, start, end)
+    _run(parser, mended(data), file, start, end)
     return roots[0]
 
 
-def check(data: bytes, file: Path) -> None:
-    """Raise SpecError unless these bytes are XML, without a DTD, that is not nested too deep."""
+def checked(data: bytes, file: Path) -> bytes:
+    """A document, mended, for another parser. Raises SpecError.
+
+    It is XML, without a DTD, that is not nested too deep.
+    """
     depth = 0
+    data = mended(data)
 
     def start(_: str, __: dict[str, str]) -> None:
         nonlocal depth
@@ -119,6 +132,33 @@ def check(data: bytes, file: Path) -> None:
 
     parser = expat.ParserCreate()
     _run(parser, data, file, start, end)
+    return data
+
+
+def mended(data: bytes) -> bytes:
+    """A document as XML, in as many lines, where tinyxml2 asks for less.
+
+    Blanks before its declaration go after it, ``--`` in a comment goes, and an ``&`` that begins no
+    reference stands for itself.
+    """
+    if b"\0" in data[:4]:  # UTF-16
+        return data
+    data = data.removeprefix(codecs.BOM_UTF8)
+    if (found := _DECLARATION.match(data)) is not None:
+        data = found[2] + found[1] + data[found.end() :]
+    pieces, at = [], 0
+    while (opening := _OPAQUE.search(data, at)) is not None:
+        pieces.append(_BARE.sub(b"&amp;", data[at : opening.start()]))
+        is_comment = opening[0] == b"<!--"
+        end = data.find(b"-->" if is_comment else b"]]>", opening.end())
+        if end < 0:
+            at = opening.start()
+            break
+        inside = data[opening.end() : end]
+        pieces += [opening[0], inside.replace(b"-", b" ") if is_comment else inside]
+        pieces.append(data[end : end + 3])
+        at = end + 3
+    return b"".join([*pieces, _BARE.sub(b"&amp;", data[at:])])
 
 
 def _run(

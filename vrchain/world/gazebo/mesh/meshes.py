@@ -1,4 +1,4 @@
-"""Mesh files as triangles in metres, z up: COLLADA by pycollada, OBJ and STL by trimesh.
+"""Mesh files as triangles in metres, z up: COLLADA by pycollada, the others by trimesh.
 
 Both libraries see only what was checked before: its size, and that XML holds no entities.
 """
@@ -10,10 +10,11 @@ from pathlib import Path
 import numpy as np
 
 from vrchain.errors import SpecError
-from vrchain.world.gazebo.dae import Collada
 from vrchain.world.gazebo.files import Notes, read_bytes
 from vrchain.world.gazebo.materials import Materials
-from vrchain.world.gazebo.obj import Obj
+from vrchain.world.gazebo.mesh.dae import Collada
+from vrchain.world.gazebo.mesh.glb import Glb
+from vrchain.world.gazebo.mesh.obj import Obj
 from vrchain.world.gazebo.parts import MeshFile, Part, cleaned
 from vrchain.world.gazebo.xml import Element
 
@@ -46,7 +47,9 @@ class Stl(MeshFile):
             yield Part(np.asarray(mesh.vertices, dtype=float), faces)
 
 
-_KINDS: dict[str, type[Collada | Obj | Stl]] = {".dae": Collada, ".obj": Obj, ".stl": Stl}
+_KINDS: dict[str, type[Collada | Obj | Stl | Glb]] = {
+    ".dae": Collada, ".obj": Obj, ".stl": Stl, ".glb": Glb
+}  # fmt: skip
 
 
 class Meshes:
@@ -57,30 +60,38 @@ class Meshes:
         self._files: dict[Path, list[Part]] = {}
 
     def parts(self, file: Path, element: Element) -> list[Part]:
-        """The parts of a mesh file that an element names; none of other kinds. Raises SpecError."""
+        """The parts of a mesh file that an element names; none, with a note, if it is broken."""
         if file not in self._files:
-            kind = file.suffix.lower()
-            if kind not in _KINDS:
-                self._notes.add(f"meshes that are none of {', '.join(_KINDS)}, left out", file.name)
-                return []
-            data = read_bytes(file, MOST_MESH_BYTES)
-            mesh = _KINDS[kind](file, element, self._materials, self._notes)
             try:
-                with np.errstate(all="ignore"):
-                    parts = list(mesh.parts(data))
-            except SpecError:
-                raise
-            except Exception as error:  # the libraries raise almost anything on broken files
-                reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
-                raise SpecError(
-                    f"{file}: expected a mesh of kind {kind[1:].upper()}, got {reason}"
-                ) from None
-            _check(parts, file)
-            clean = [cleaned(part) for part in parts if len(part.faces)]
-            self._files[file] = [part for part in clean if len(part.faces)]
-            if not self._files[file]:
-                raise SpecError(f"{file}: expected a mesh with faces, got none with an area")
+                self._files[file] = self._read(file, element)
+            except SpecError as error:
+                self._notes.lose("meshes that cannot be read", str(error))
+                self._files[file] = []
         return self._files[file]
+
+    def _read(self, file: Path, element: Element) -> list[Part]:
+        kind = file.suffix.lower()
+        if kind not in _KINDS:
+            self._notes.add(f"meshes that are none of {', '.join(_KINDS)}, left out", file.name)
+            return []
+        data = read_bytes(file, MOST_MESH_BYTES)
+        mesh = _KINDS[kind](file, element, self._materials, self._notes)
+        try:
+            with np.errstate(all="ignore"):
+                parts = list(mesh.parts(data))
+        except SpecError:
+            raise
+        except Exception as error:  # the libraries raise almost anything on broken files
+            reason = " ".join(f"{type(error).__name__}: {error}".split())[:160]
+            raise SpecError(
+                f"{file}: expected a mesh of kind {kind[1:].upper()}, got {reason}"
+            ) from None
+        _check(parts, file)
+        clean = [cleaned(part) for part in parts if len(part.faces)]
+        kept = [part for part in clean if len(part.faces)]
+        if not kept:
+            raise SpecError(f"{file}: expected a mesh with faces, got none with an area")
+        return kept
 
 
 def _check(parts: list[Part], file: Path) -> None:

@@ -58,7 +58,7 @@ class Obj(MeshFile):
             for name in [line] if self._beside(line) else line.split():
                 path = self._beside(name)
                 if path is None:
-                    self.notes.add("material files that are missing", name)
+                    self.notes.lose("material files that are missing", name)
                 else:
                     known |= self._material_file(path)
         used = dict.fromkeys(_after(data, "usemtl"))

@@ -15,31 +15,25 @@ from numpy.typing import NDArray
 
 from vrchain.errors import SpecError
 from vrchain.world.gazebo.materials import Look
-from vrchain.world.gazebo.parts import MOST_MESH_TRIANGLES, MeshFile, Part, moved
+from vrchain.world.gazebo.parts import MOST_MESH_NODES, MOST_MESH_TRIANGLES, MeshFile, Part, moved
 from vrchain.world.gazebo.scripts import HALF
-from vrchain.world.gazebo.xml import check
+from vrchain.world.gazebo.xml import checked
 
-MOST_MESH_NODES = 20_000  # every use of one counted
-_UPRIGHT: dict[str, NDArray[np.float64]] = {
-    "Y_UP": np.array([[1.0, 0, 0, 0], [0, 0, -1, 0], [0, 1, 0, 0], [0, 0, 0, 1]]),
-    "X_UP": np.array([[0.0, 0, -1, 0], [0, 1, 0, 0], [1, 0, 0, 0], [0, 0, 0, 1]]),
-}
+_LUMINANCE = (0.212671, 0.715160, 0.072169)  # of ITU-R BT.709, as the specification has it
+_CLEAR_BELOW = 0.5  # of alpha: as for a visual's <transparency>
 
 
 class Collada(MeshFile):
     """A COLLADA file."""
 
     def parts(self, data: bytes) -> list[Part]:
-        """What it shows, in metres, z up. Raises SpecError."""
+        """What it shows, in metres, z up whatever its <up_axis>, as in Gazebo. Raises SpecError."""
         import collada
 
-        check(data, self.file)
-        unit_m, up_axis = check_collada(data, self.file)
+        data = checked(data, self.file)
+        unit_m = check_collada(data, self.file)
         document = collada.Collada(io.BytesIO(data), ignore=[collada.common.DaeError])
         base = np.diag([unit_m, unit_m, unit_m, 1.0])
-        if up_axis in _UPRIGHT:
-            base = base @ _UPRIGHT[up_axis]
-            self.notes.add("COLLADA meshes that were turned upright", self.file.name)
         for error in document.errors:
             self.notes.add("broken parts of COLLADA meshes, left out", f"{self.file.name}: {error}")
         nodes = [] if document.scene is None else document.scene.nodes
@@ -64,7 +58,7 @@ class Collada(MeshFile):
                 geometry = node.geometry
             else:
                 continue
-            materials = {m.symbol: m.target for m in node.materials}
+            materials = {m.symbol: m for m in node.materials}
             for primitive in geometry.primitives:
                 if isinstance(primitive, collada.polylist.Polylist):  # polygons, too
                     primitive = primitive.triangleset()
@@ -78,12 +72,14 @@ class Collada(MeshFile):
                     raise SpecError(
                         f"{self.file}: expected at most {MOST_MESH_TRIANGLES} triangles"
                     )
-                _check_numbers(primitive, self.file)
-                material = materials.get(primitive.material)
+                bound = materials.get(primitive.material)
+                material = None if bound is None else bound.target
                 key = "" if material is None else material.id
                 if key not in looks:
                     looks[key] = self._look(material)
-                yield moved(_triangles(primitive, name, looks[key]), matrix)
+                uv_set = _uv_set(bound, primitive)
+                _check_numbers(primitive, self.file, uv_set)
+                yield moved(_triangles(primitive, name, looks[key], uv_set), matrix)
 
     def _look(self, material: Any) -> Look:
         import collada
@@ -91,21 +87,55 @@ class Collada(MeshFile):
         if material is None or material.effect is None or material.effect.diffuse is None:
             return Look()
         effect = material.effect
+        clear = _alpha(effect) < _CLEAR_BELOW
         if isinstance(effect.diffuse, collada.material.Map):
             path = effect.diffuse.sampler.surface.image.path
             picture = self.materials.picture(path, self.element, [self.file.parent])
             masked = isinstance(effect.transparent, collada.material.Map)
-            return Look(picture=picture, solid_above=HALF if masked else None)
+            return Look(picture=picture, solid_above=HALF if masked else None, clear=clear)
         r, g, b = (float(v) for v in effect.diffuse[:3])
         if not np.isfinite((r, g, b)).all():
             raise SpecError(
                 f"{self.file}: the colour of the effect {effect.id!r} is no finite number"
             )
-        return Look((r, g, b))
+        return Look((r, g, b), clear=clear)
 
 
-def check_collada(data: bytes, file: Path) -> tuple[float, str]:
-    """Metres per unit and the axis that is up, "" where none is said. Raises SpecError.
+def _alpha(effect: Any) -> float:
+    """How opaque an effect of one colour is, in 0..1; 1 where it does not say by which rule."""
+    shading = "{*}profile_COMMON/{*}technique/*/"
+    transparent = effect.xmlnode.find(f"{shading}{{*}}transparent")
+    if transparent is None:
+        return 1.0
+    share = effect.xmlnode.findtext(f"{shading}{{*}}transparency/{{*}}float") or "1"
+    try:
+        r, g, b, a = (float(v) for v in (transparent.findtext("{*}color") or "").split())
+        amount = float(share)
+    except ValueError:
+        return 1.0
+    luminance = float(np.dot(_LUMINANCE, (r, g, b)))
+    shown = {
+        "A_ONE": a * amount,
+        "A_ZERO": 1 - a * amount,
+        "RGB_ZERO": 1 - luminance * amount,
+        "RGB_ONE": luminance * amount,
+    }
+    return shown.get(transparent.get("opaque", ""), 1.0)
+
+
+def _uv_set(bound: Any, primitive: Any) -> int:
+    """Which of a primitive's texture coordinates its bound material's picture is laid by."""
+    effect = None if bound is None or bound.target is None else bound.target.effect
+    wanted = getattr(effect and effect.diffuse, "texcoord", None)
+    sets = [source[3] or "0" for source in primitive.sources.get("TEXCOORD", [])]
+    for semantic, input_semantic, number in [] if bound is None else bound.inputs:
+        if semantic == wanted and input_semantic == "TEXCOORD" and (number or "0") in sets:
+            return sets.index(number or "0")
+    return 0
+
+
+def check_collada(data: bytes, file: Path) -> float:
+    """Metres per unit. Raises SpecError.
 
     data: XML without a DTD.
     """
@@ -130,7 +160,7 @@ def check_collada(data: bytes, file: Path) -> tuple[float, str]:
         unit_m = math.nan
     if not 0 < unit_m < math.inf:
         raise SpecError(f'{file}: <unit meter="{meter[:60]}">: expected metres, more than 0')
-    return unit_m, (root.findtext("{*}asset/{*}up_axis") or "").strip()
+    return unit_m
 
 
 def _check_counts(polygons: ElementTree.Element, where: str) -> None:
@@ -179,20 +209,22 @@ def _at_rest(
     return controller.source_geometry, matrix
 
 
-def _check_numbers(primitive: Any, file: Path) -> None:
+def _check_numbers(primitive: Any, file: Path, uv_set: int) -> None:
     """Raise SpecError for what is no number, where pycollada puts 0, and for negative indices."""
-    for kind, what in (("VERTEX", "corner"), ("TEXCOORD", "texture coordinate")):
-        for *_, source in primitive.sources.get(kind, [])[:1]:
+    used_sets = (("VERTEX", "corner", 0), ("TEXCOORD", "texture coordinate", uv_set))
+    for kind, what, number in used_sets:
+        for *_, source in primitive.sources.get(kind, [])[number : number + 1]:
             for array in source.xmlnode.iter():
                 if array.tag.endswith("float_array") and "nan" in (array.text or "").lower():
                     raise SpecError(f"{file}: a {what} in {source.id!r} is not a finite number")
-    for used in (primitive.vertex_index, primitive.normal_index, *primitive.texcoord_indexset[:1]):
+    uv_index = primitive.texcoord_indexset[uv_set : uv_set + 1]
+    for used in (primitive.vertex_index, primitive.normal_index, *uv_index):
         if used is not None and used.min() < 0:
             named = primitive.sources["VERTEX"][0][4].id
             raise SpecError(f"{file}: a face on {named!r} has an index of {used.min()}, below 0")
 
 
-def _triangles(primitive: Any, name: str, look: Look) -> Part:
+def _triangles(primitive: Any, name: str, look: Look, uv_set: int) -> Part:
     """A set of triangles; corners alike in place, normal and texture coordinates are shared.
 
     Faces whose corners run against their normals are turned.
@@ -207,12 +239,12 @@ def _triangles(primitive: Any, name: str, look: Look) -> Part:
         facing = np.asarray(primitive.normal, dtype=float)[normal].sum(axis=1)
         against = np.einsum("ij,ij->i", np.cross(b - a, c - a), facing) < 0
     if len(primitive.texcoordset):
-        columns.append(np.asarray(primitive.texcoord_indexset[0], dtype=np.int64))
+        columns.append(np.asarray(primitive.texcoord_indexset[uv_set], dtype=np.int64))
     keys = np.stack([column.ravel() for column in columns], axis=1)
     corners, shared = np.unique(keys, axis=0, return_inverse=True)
     uv = None
     if len(primitive.texcoordset):
-        uv = np.asarray(primitive.texcoordset[0], dtype=float)[:, :2][corners[:, -1]]
+        uv = np.asarray(primitive.texcoordset[uv_set], dtype=float)[:, :2][corners[:, -1]]
     faces = shared.reshape(-1, 3)
     faces[against] = faces[against][:, ::-1]
     return Part(vertices[corners[:, 0]], faces, uv, look, name)

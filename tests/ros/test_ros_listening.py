@@ -1,0 +1,105 @@
+"""How long a live robot is listened to before it is known what it has; no ROS, time made up."""
+
+from collections.abc import Callable
+from types import SimpleNamespace
+
+import pytest
+
+pytest.importorskip("rosbags")
+pytest.importorskip("mcap")
+
+from recordings import Row, recording
+from sights import RIG
+
+from vrchain.errors import BagError
+from vrchain.ros import live
+from vrchain.ros.formats import Message
+from vrchain.ros.messages import typestore
+from vrchain.ros.nodes import Said
+
+LATE = "/R1/camera_3/image_raw"
+NEVER_S = 1e9
+
+
+class Node:
+    """A node, and the time: of each topic the first message comes, at once or after a while."""
+
+    ros1 = False
+
+    def __init__(self, rows: list[Row], after_s: dict[str, float]) -> None:
+        self._first = {row.topic: row for row in reversed(rows)}
+        self._after_s, self.now_s = after_s, 0.0
+        self._taking: dict[str, Callable[[Message], None]] = {}
+
+    def sleep(self, seconds: float) -> None:
+        self.now_s += seconds
+        for topic, take in list(self._taking.items()):
+            if self.now_s >= self._after_s.get(topic, 0.0):
+                row, kind = self._first[topic], self.topics()[topic]
+                data = bytes(typestore(False).serialize_cdr(row.message, kind))
+                take(Message(topic, kind, False, row.received_ns, data))
+                del self._taking[topic]
+
+    def topics(self) -> dict[str, str]:
+        return {topic: row.message.__msgtype__ for topic, row in self._first.items()}
+
+    def subscribe(
+        self, topic: str, kind: str, take: Callable[[Message], None]
+    ) -> Callable[[], None]:
+        self._taking[topic] = take
+        return lambda: None
+
+    def advertise(self, topic: str, kind: str, latch: bool = False) -> Said:
+        return Said(lambda message: None, lambda: False)
+
+    def close(self) -> None:
+        """Nothing is to be left."""
+
+
+@pytest.fixture
+def listened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[live.LiveRobot, float]]:
+    def listen(after_s: dict[str, float], without: str = "-") -> tuple[live.LiveRobot, float]:
+        node = Node([row for row in recording() if without not in row.topic], after_s)
+        clock = SimpleNamespace(monotonic=lambda: node.now_s, sleep=node.sleep)
+        monkeypatch.setattr(live, "time", clock)
+        return live.LiveRobot(node, "R1", "/R1", {}, 0.05, patience_s=20.0), node.now_s
+
+    return listen
+
+
+def test_a_camera_that_comes_late_is_no_hole(
+    listened: Callable[..., tuple[live.LiveRobot, float]],
+) -> None:
+    for after_s in (0.0, 7.2):
+        robot, took_s = listened({LATE: after_s})
+        ring = robot._seen_by.ring
+        assert ring.rig == RIG and ring.exact and len(ring.cameras) == 8
+        assert after_s < took_s <= after_s + 0.5
+
+
+def test_a_camera_that_never_speaks_is_one(
+    listened: Callable[..., tuple[live.LiveRobot, float]],
+) -> None:
+    """It is given up after half of the patience."""
+    robot, took_s = listened({LATE: NEVER_S})
+    ring = robot._seen_by.ring
+    assert took_s == 10.0 and LATE not in robot._seen_by.topics
+    assert len(ring.cameras) == 7 and not ring.exact and 300 < ring.seen_deg < 340
+
+
+@pytest.mark.parametrize(
+    ("after_s", "without", "said"),
+    [
+        ({}, "scan", "no sensor_msgs/msg/LaserScan comes below /R1/"),
+        ({"/R1/odom": NEVER_S}, "-", "expected nav_msgs/msg/Odometry under /R1/"),
+        ({}, "R1", "nothing is published below /R1/"),
+    ],
+)
+def test_what_must_be_there_is_waited_for_to_the_end(
+    after_s: dict[str, float],
+    without: str,
+    said: str,
+    listened: Callable[..., tuple[live.LiveRobot, float]],
+) -> None:
+    with pytest.raises(BagError, match=f"{said}.*listened for 20 s"):
+        listened(after_s, without)

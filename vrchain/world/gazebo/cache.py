@@ -1,0 +1,108 @@
+"""Worlds that took long to build, kept for the next command in the user's cache folder.
+
+What is kept holds as long as all that was looked at for it is the same: the package, the folders
+searched, every file's bytes, and what was not there. A kept world is a pickle, which is only read
+with the digest it was written with; anything amiss, and the world is built again.
+"""
+
+import contextlib
+import hashlib
+import json
+import os
+import pickle
+import tempfile
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from vrchain.errors import SpecError
+from vrchain.files import code_digest, name_of
+from vrchain.world.gazebo.files import Watched, watching
+
+LEAST_S = 5.0  # of building, from which on a world is kept
+MOST_BYTES = 2 << 30  # of all that is kept; what was not used for longest goes first
+_SUFFIX = ".world"
+_PIECE = 1 << 20
+_FAULTS = (
+    OSError, ValueError, EOFError, pickle.PickleError, AttributeError, ImportError, SpecError
+)  # fmt: skip
+
+
+def folder() -> Path:
+    """Where worlds are kept: ``vrchain/worlds`` in the user's cache folder."""
+    base = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    return Path(base) / "vrchain" / "worlds"
+
+
+def kept(asked: list[str], build: Callable[[], Any]) -> Any:
+    """What ``build`` makes of files that are named by ``asked``, or made before of the same."""
+    try:
+        place = folder() / f"{name_of([code_digest(), *asked])}{_SUFFIX}"
+    except (OSError, RuntimeError):  # a user without a home
+        return build()
+    with contextlib.suppress(*_FAULTS):
+        found = _read(place)
+        with contextlib.suppress(OSError):
+            os.utime(place)
+        return found
+    start_s = time.process_time()
+    with watching() as seen:
+        made = build()
+    if time.process_time() - start_s >= LEAST_S:
+        with contextlib.suppress(*_FAULTS):
+            _write(place, seen, made)
+    return made
+
+
+def _read(place: Path) -> Any:
+    """What is kept at a place. Raises one of ``_FAULTS`` if nothing is that still holds."""
+    with place.open("rb") as file:
+        if os.fstat(file.fileno()).st_uid != os.getuid():
+            raise ValueError("somebody else wrote it")
+        digest, told = bytes.fromhex(file.readline(80).decode()), hashlib.sha256()
+        start = file.tell()
+        while piece := file.read(_PIECE):
+            told.update(piece)
+        if told.digest() != digest:
+            raise ValueError("it is damaged")
+        file.seek(start)
+        if not Watched(json.loads(file.readline())).still_holds():
+            raise ValueError("a file has changed")
+        return pickle.load(file)
+
+
+def _write(place: Path, seen: Watched, made: Any) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
+    with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:
+        scratch = Path(file.name)
+        try:
+            file.write(b"0" * 64 + b"\n")
+            told = _Told(file)
+            told.write(json.dumps(seen.found).encode() + b"\n")
+            pickle.dump(made, told, protocol=5)
+            if file.tell() > MOST_BYTES // 2:
+                return
+            file.seek(0)
+            file.write(told.digest.hexdigest().encode())
+            file.close()
+            scratch.replace(place)
+        finally:
+            scratch.unlink(missing_ok=True)
+    worlds = sorted(place.parent.glob(f"*{_SUFFIX}"), key=lambda f: -f.stat().st_mtime)
+    total = 0
+    for world in worlds:
+        total += world.stat().st_size
+        if total > MOST_BYTES:
+            world.unlink(missing_ok=True)
+
+
+class _Told:
+    """A file that also digests what is written to it."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self.digest = file, hashlib.sha256()
+
+    def write(self, data: Any) -> int:
+        self.digest.update(data)
+        return int(self._file.write(data))

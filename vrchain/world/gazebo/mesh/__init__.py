@@ -1,0 +1,1 @@
+"""Mesh files as triangles, each kind by its own module."""
