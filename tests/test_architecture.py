@@ -42,7 +42,13 @@ LEVELS = {
 
 # Narrower than the levels: what these may know of the rest of the package.
 ONLY = {
-    "ledger": {"errors", "seeding", "paths", "files"},  # a payload is bytes and their digest
+    "ledger": {
+        "errors",
+        "seeding",
+        "paths",
+        "files",
+        "extras",
+    },  # a payload is bytes and their digest
     "panorama": {"errors", "geometry", "seeding", "files"},
     "homing": {"errors", "geometry", "seeding", "panorama", "landmarks"},
     "robot": {"errors", "geometry", "seeding", "panorama", "ledger", "landmarks", "homing"},
@@ -68,6 +74,7 @@ HOMES = {
     "torch": ("landmarks",),
     "rosbags": ("ros",),
     "mcap": ("ros",),
+    "nats": ("ledger.network",),
     "rospy": ("ros",),
     "rclpy": ("ros",),
 }

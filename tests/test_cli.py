@@ -217,7 +217,7 @@ def test_a_goal_or_a_robot_that_does_not_exist(tmp_path: Path, refused: Refused)
         (("scene", "info", "none.yaml"), "none.yaml"),
         (("bench", "render", "none.yaml"), "none.yaml"),
         (("bench", "ledger", "--positions", "0"), "equal to 1, got '0'"),
-        (("bench", "flood", "--kind", "rain"), "a flood of valid"),
+        (("bench", "cluster", "--part", "rain"), "rest, load, flood, kills, bit, hostile, backlog"),
         (("evaluate", "tour", "none"), "zind_data.json"),
         (("evaluate", "tour", "none", "-o", "/proc/new"), "cannot write"),
         (("train", "-o", "/proc/weights.pt"), "cannot write"),
@@ -250,14 +250,14 @@ COUNTS = [  # command, option, least, most
     ("bench landmarks {}", "--positions", 1, None),
     ("bench planner", "--tasks", 1, None),
     ("bench planner", "--worlds", 1, None),
-    ("bench flood", "--rounds", 1, None),
-    ("bench flood", "--robots", 1, None),
+    ("bench cluster", "--robots", 1, None),
+    ("bench cluster", "--kills", 1, None),
 ]
 SEEDED = ["navigate {} -o out"] + [
     f"{group} {name}"
     for group, names in {
         "evaluate": "landmarks degraded strangers search homing homing-database navigation goals",
-        "bench": "render landmarks planner flood ledger",
+        "bench": "render landmarks planner cluster ledger",
     }.items()
     for name in names.split()
 ]

@@ -18,7 +18,7 @@ from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts
 
 EXPECTED = [
-    "barn_map", "common_landmarks", "flood", "home_vectors", "landmark_quality", "ledger",
+    "barn_map", "common_landmarks", "home_vectors", "landmark_quality", "ledger",
     "ledger_size", "mission", "panorama", "planner", "precision_recall", "proposals",
     "retrieval_time", "scene_map", "table", "team_graph", "update_stages", "update_time",
     "worst_mistakes",

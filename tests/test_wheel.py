@@ -123,7 +123,7 @@ def test_what_to_install_is_what_the_extras_are() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"][
         "optional-dependencies"
     ]
-    installable = {*extras["learned"], *extras["notebooks"], *extras["ros"]}
+    installable = {r for name in ("learned", "notebooks", "ros", "cluster") for r in extras[name]}
     assert set(REQUIREMENTS.values()) <= installable
 
 

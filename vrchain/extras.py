@@ -11,6 +11,7 @@ REQUIREMENTS = {  # as pyproject.toml has them; not the extras' names, which an 
     "ipykernel": "ipykernel>=7.0",
     "rosbags": "rosbags>=0.11",
     "mcap": "mcap>=1.3",
+    "nats": "nats-py==2.16.0",
 }
 
 

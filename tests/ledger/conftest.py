@@ -5,9 +5,11 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from clusters import emptied, skip_without_servers
 from ledgers import new_ledger, small_ledger
 
 from vrchain.ledger import Ledger
+from vrchain.ledger.cluster.servers import Cluster
 
 
 @pytest.fixture
@@ -29,3 +31,21 @@ def pristine(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def folder(pristine: Path, tmp_path: Path) -> Path:
     """A copy of ``small_ledger``, closed, to go on with or to spoil."""
     return shutil.copytree(pristine, tmp_path / "ledger")
+
+
+@pytest.fixture(scope="session")
+def running(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """Three servers on this machine, which let in anyone."""
+    skip_without_servers()
+    cluster = Cluster.make(tmp_path_factory.mktemp("cluster") / "servers")
+    with cluster.running():
+        yield cluster
+
+
+@pytest.fixture
+def servers(running: Cluster) -> Cluster:
+    """The three servers, with no ledger on them."""
+    running.start()  # a test may have left one dead
+    running.wait_ready()
+    emptied(running)
+    return running

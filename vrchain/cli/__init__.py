@@ -17,6 +17,7 @@ from vrchain.allocator import keep_freed_memory
 from vrchain.cli import (
     bags,
     bench,
+    cluster,
     evaluate_database,
     ledger,
     panorama,
@@ -36,6 +37,8 @@ app = typer.Typer(
 app.add_typer(scene.app, name="scene")
 app.add_typer(panorama.app, name="panorama")
 app.add_typer(ledger.app, name="ledger")
+ledger.app.command()(cluster.watch)
+app.add_typer(cluster.app, name="cluster")
 app.add_typer(bags.app, name="bag")
 app.add_typer(robot.app, name="robot")
 app.add_typer(bench.app, name="bench")

@@ -8,10 +8,13 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from vrchain.cli.options import SUBURB, Json, SpecOrSuburb
+from vrchain.errors import LedgerError
 from vrchain.paths import BUILD, SCENES
 
 if TYPE_CHECKING:
     import pandas as pd
+
+CLUSTER_PARTS = ("rest", "load", "flood", "kills", "bit", "hostile", "backlog")
 
 app = typer.Typer(no_args_is_help=True, help="Measure speed.")
 
@@ -113,32 +116,43 @@ def planner(
 
 
 @app.command()
-def flood(
-    rounds: Annotated[int, typer.Option(min=1, help="Phases of each flood, and quiet ones.")] = 10,
-    robots: Annotated[int, typer.Option(min=1, help="Honest ones that work meanwhile.")] = 8,
-    phase: Annotated[float, typer.Option(metavar="S", help="Seconds of a phase.")] = 3.0,
-    kind: Annotated[
-        list[str] | None, typer.Option(metavar="FLOOD", help="All, unless given; one for each.")
+def cluster(
+    part: Annotated[
+        list[str] | None,
+        typer.Option(help=f"{', '.join(CLUSTER_PARTS)}; one for each [rest load hostile]."),
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of when the robots publish, and what.")] = 3000,
+    updates: Annotated[int, typer.Option(min=2, help="One after another, at rest.")] = 100,
+    seconds: Annotated[float, typer.Option(min=1.0, help="Of load, and of backlog.")] = 10.0,
+    robots: Annotated[int, typer.Option(min=1, help="Under load.")] = 5,
+    many: Annotated[int, typer.Option(min=1, help="Of backlog, a panorama in 10 s each.")] = 50,
+    kills: Annotated[int, typer.Option(min=1, help="Of each server, and of the maker.")] = 2,
+    seed: Annotated[int, typer.Option(min=0, help="Of payloads, keys and turns.")] = 0,
     as_json: Json = False,
 ) -> None:
-    """Flood a robot that takes in transactions, while others work; their latency, quiet beside.
+    """Measure a ledger over three servers on this machine, and try to break it.
 
-    Times are in microseconds, until a transaction is known to be durable; p99: of a phase, median
-    over rounds; ratio: of that to the quiet one, with its 95 % interval; bar: what it should not
-    exceed; refused: of the honest robots' transactions. Below: what became of the flood.
+    rest: an update beside a bare publish and a folder's, in turns; load: robots flat out, a process
+    each; flood: two robots, while a third floods; kills, bit: what is lost when things fail;
+    hostile: attacks, and what stops each; backlog: many robots. Times are in milliseconds; the
+    modules of experiments.ledger say more.
     """
-    from vrchain.experiments.ledger import flood as experiment
+    from vrchain.experiments.ledger import cluster as measured
+    from vrchain.experiments.ledger import failures, hostile
 
-    config = experiment.FloodConfig(robots=robots, phase_s=phase, rounds=rounds, seed=seed)
-    measured = experiment.flood(config, kind or experiment.CONDITIONS)
-    table, floods = experiment.summarise(measured, seed=seed), experiment.outcomes(measured)
-
-    def text() -> str:
-        return f"{_text(table)}\n\n{floods.round(2).set_index('name').T.to_string()}"
-
-    _tell(as_json, text, rows=table, floods=floods)
+    ways: dict[str, Callable[[], pd.DataFrame]] = {
+        "rest": lambda: measured.at_rest(updates, seed=seed),
+        "load": lambda: measured.flat_out(seconds, robots, seed=seed),
+        "flood": lambda: hostile.flooded(seconds, seed=seed),
+        "kills": lambda: failures.kills(kills, max(1, kills // 4), seed=seed),
+        "bit": lambda: failures.flipped_bit(seed=seed),
+        "hostile": lambda: hostile.attacks(seed),
+        "backlog": lambda: measured.backlog(many, seconds=seconds, seed=seed),
+    }
+    parts = part or ["rest", "load", "hostile"]
+    if unknown := [name for name in parts if name not in ways]:
+        raise LedgerError(f"expected a --part of {', '.join(CLUSTER_PARTS)}; got {unknown[0]!r}")
+    tables = {name: ways[name]() for name in parts}
+    _tell(as_json, lambda: "\n\n".join(map(_text, tables.values())), **tables)
 
 
 @app.command()

@@ -16,6 +16,9 @@ from vrchain.files import check_output_file, check_output_folder, write_file
 from vrchain.ledger import OPERATOR, Ledger, errors, random_key
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.export import entry_json, record_json
+from vrchain.ledger.network.opening import open_ledger
+from vrchain.ledger.network.outbox import OUTBOX_NAME
+from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES
 from vrchain.ledger.records.membership import check_member_name
 
@@ -38,6 +41,11 @@ ClockIsRight = Annotated[
     typer.Option(
         "--clock-is-right", help=f"Write even if the newest block is over {_REST_DAYS} days old."
     ),
+]
+
+Servers = Annotated[
+    str | None,
+    typer.Option(metavar="nats://...", help="That carry it: LEDGER is this machine's copy."),
 ]
 
 
@@ -83,12 +91,13 @@ def enroll(
     ledger: Folder,
     name: str,
     keys: Keys = None,
+    servers: Servers = None,
     clock_is_right: ClockIsRight = False,
     as_json: Json = False,
 ) -> None:
     """Take in a new robot NAME, with a new random key, signed by the operator."""
     check_member_name(name)
-    with Ledger.open(ledger, writable=True) as opened:
+    with _writable(ledger, servers, keys) as opened:
         if name in opened.members:
             raise errors.DuplicateMemberError(f"{name} is a member of {ledger} already")
         if name in opened.expelled:
@@ -114,11 +123,12 @@ def expel(
     ledger: Folder,
     name: str,
     keys: Keys = None,
+    servers: Servers = None,
     clock_is_right: ClockIsRight = False,
     as_json: Json = False,
 ) -> None:
     """End the membership of the robot NAME for ever, signed by the operator."""
-    with Ledger.open(ledger, writable=True) as opened:
+    with _writable(ledger, servers, keys) as opened:
         opened.expel(name, key_of(opened, keys), _now_ns(opened, clock_is_right))
         result = {"name": name, **_head(opened)}
     _say(as_json, result, f"expelled {name} in block {result['height']}; the name is used up")
@@ -137,6 +147,7 @@ def append(
         Path | None, typer.Option(metavar="FILE", help="Its landmark record.")
     ] = None,
     keys: Keys = None,
+    servers: Servers = None,
     clock_is_right: ClockIsRight = False,
     as_json: Json = False,
 ) -> None:
@@ -146,11 +157,13 @@ def append(
     """
     seen = _read_payload(landmarks) if landmarks else None
     payload, seen = panorama_in(file, seen) if file.is_dir() else (_read_payload(file), seen)
-    with Ledger.open(ledger, writable=True) as opened:
+    with _writable(ledger, servers, keys, robot) as opened:
         opened.refresh()
         reason = reason or ("time" if opened.latest(robot) else "start")
         key, now_ns = key_of(opened, keys, robot), _now_ns(opened, clock_is_right)
         made = opened.publish(robot, key, payload, reason, now_ns, landmarks=seen)
+        if isinstance(opened, RobotLedger):
+            opened.wait(made)
         result = {**_head(opened), **record_json(made)}
     _say(as_json, result, f"{made} in block {result['height']}: {made.id.hex()}")
 
@@ -214,11 +227,12 @@ def drop(
         int, typer.Option(min=1, help="How many of each robot's newest panoramas stay.")
     ],
     keys: Keys = None,
+    servers: Servers = None,
     clock_is_right: ClockIsRight = False,
     as_json: Json = False,
 ) -> None:
     """Let old panoramas and landmark records go; the operator signs which. Records stay."""
-    with Ledger.open(ledger, writable=True) as opened:
+    with _writable(ledger, servers, keys) as opened:
         records = opened.drop_old(keep, key_of(opened, keys), _now_ns(opened, clock_is_right))
         result = {"dropped": sum(len(record.blobs) for record in records), **_head(opened)}
     said = f"blobs dropped from {ledger}: {result['dropped']}; its head is block {result['height']}"
@@ -269,6 +283,27 @@ def export(
             said += [f"payloads that are no panoramas: {n}"] if (n := counts["others"]) else []
             said += [f"dropped: {n}"] if (n := counts["dropped"]) else []
     _say(as_json, result, "; ".join(said))
+
+
+def _writable(ledger: Path, servers: str | None, keys: Path | None, name: str = OPERATOR) -> Ledger:
+    """The ledger, to write to: through its servers, where a copy follows some."""
+    if servers is None:
+        if (ledger / OUTBOX_NAME).exists():
+            raise errors.ClusterError(
+                f"{ledger} follows servers; what is written there alone would part from theirs: "
+                "give --servers"
+            )
+        return Ledger.open(ledger, writable=True)
+    with Ledger.open(ledger) as opened:
+        key = key_of(opened, keys, name)
+    joined = open_ledger(servers, ledger, key=key, name=name)
+    assert isinstance(joined, RobotLedger)
+    try:
+        joined.wait_until_followed()
+    except BaseException:
+        joined.close()
+        raise
+    return joined
 
 
 def _say(as_json: bool, result: dict[str, Any], *lines: str) -> None:

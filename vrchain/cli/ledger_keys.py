@@ -5,7 +5,16 @@ import os
 from collections.abc import Iterator
 from pathlib import Path
 
-from vrchain.ledger import OPERATOR, Ledger, PublicKey, SigningKey, load_key, save_key
+from vrchain.ledger import (
+    OPERATOR,
+    Ledger,
+    PublicKey,
+    SigningKey,
+    load_key,
+    save_key,
+    simulated_key,
+)
+from vrchain.ledger.errors import KeyFileError
 
 
 def default_keys(operator: PublicKey) -> Path:
@@ -17,6 +26,23 @@ def default_keys(operator: PublicKey) -> Path:
 def key_of(ledger: Ledger, keys: Path | None, name: str = OPERATOR) -> SigningKey:
     """The key of a member, or of the operator, in the folder ``keys`` or the ledger's own."""
     return load_key((keys or default_keys(ledger.genesis.operator)) / f"{name}.pem")
+
+
+def signer(ledger: Ledger, keys: Path | None, name: str, simulated: int | None) -> SigningKey:
+    """As ``key_of``, or the key of a simulation's robot where its seed is given."""
+    return key_of(ledger, keys, name) if simulated is None else simulated_key(simulated, name)
+
+
+def member_key(folder: Path, keys: Path | None, name: str, simulated: int | None) -> SigningKey:
+    """As ``signer``, where the ledger's folder may not be there yet: then ``keys`` has to be."""
+    if simulated is not None:
+        return simulated_key(simulated, name)
+    if keys is not None:
+        return load_key(keys / f"{name}.pem")
+    if not folder.exists():
+        raise KeyFileError(f"expected --keys, the folder of {name}.pem: {folder} is not there yet")
+    with Ledger.open(folder) as ledger:
+        return key_of(ledger, None, name)
 
 
 @contextlib.contextmanager

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from vrchain.cli.bags import Rig, Slop, robots_told
-from vrchain.cli.ledger_keys import key_of
+from vrchain.cli.ledger_keys import member_key
 from vrchain.cli.options import Folder, Json, Spec, doing, teller
 from vrchain.errors import BagError
 from vrchain.files import check_output_folder, output_folder
@@ -34,7 +34,9 @@ app = typer.Typer(no_args_is_help=True, help="A robot over ROS: driven, or playe
 
 @app.command()
 def run(
-    ledger: Annotated[Path, typer.Option(metavar="LEDGER", help="The team's ledger.")],
+    ledger: Annotated[
+        str, typer.Option(metavar="LEDGER", help="The team's ledger: a folder, or nats://HOST,...")
+    ],
     robot: Annotated[str, typer.Option(metavar="NAME=/NAMESPACE", help="It, and its topics.")],
     ros: Annotated[bool, typer.Option("--ros", help="It is on ROS.")] = False,
     ros_version: RosVersion = None,
@@ -50,6 +52,9 @@ def run(
     patience: Annotated[
         float, typer.Option(min=1.0, help="How long to wait, in s, for what it is to say.")
     ] = 20.0,
+    folder: Annotated[
+        Path | None, typer.Option(metavar="DIR", help="This robot's copy, for nats://.")
+    ] = None,
     keys: Annotated[Path | None, typer.Option(help="Folder of its signing key.")] = None,
     simulated: Annotated[
         int | None, typer.Option(metavar="SEED", help="Sign with the key of a simulation's robot.")
@@ -59,7 +64,8 @@ def run(
 ) -> None:
     """Send a live robot to a goal, or on patrol; it publishes what it sees by the update rules."""
     from vrchain.landmarks.extraction.weights import SHIPPED
-    from vrchain.ledger import Ledger, simulated_key
+    from vrchain.ledger.network.opening import open_ledger
+    from vrchain.ledger.network.robot import RobotLedger
     from vrchain.navigation.goal.recognition import goal_from
     from vrchain.navigation.mission import drive_mission
     from vrchain.navigation.perception import learned_perception
@@ -74,10 +80,8 @@ def run(
     ((name, namespace),) = robots_told([robot]).items()
     pictures = [Panorama.load(folder) for folder in goal or []]
     told, perception = load_rig(rig), learned_perception()
-    with Ledger.open(ledger, writable=True) as opened:
-        key = (
-            simulated_key(simulated, name) if simulated is not None else key_of(opened, keys, name)
-        )
+    key = member_key(folder or Path(ledger), keys, name, simulated)
+    with open_ledger(ledger, folder, key=key, name=name) as opened:
         publisher = Publisher(name, opened, key, examine=perception.record)
         with ExitStack() as stack:
             node = stack.enter_context(closing(node_of(f"vrchain_{name}", ros_version)))
@@ -102,6 +106,8 @@ def run(
                 summary |= {"arrived": result.arrived, "reason": result.reason}
             else:
                 _patrol(body, seconds, seed)
+            if isinstance(opened, RobotLedger):
+                opened.wait()
         summary |= {"published": [asdict(p) for p in body.publications]}
         summary |= {"height": opened.head.height, "head": opened.head.hash.hex()}
     if as_json:

@@ -16,7 +16,11 @@ A payload is bytes and their SHA-256; docs/reference/ledger-format.md says how e
   (files), ``resume`` (the state from the rows), ``retention`` (what may go), ``turns`` (writers
   queue up), ``place`` (nobody swaps the files), ``folder`` (a new one).
 - ``verify``: everything stored judged again. ``export``: as JSON. ``errors``: each refusal's kind.
-- ``network/``: ``gate`` takes in others' transactions over sockets, ``peer`` others' blocks.
+- ``network/``: ``log`` orders blocks for several folders, ``stream`` is one on NATS servers
+  (``connection``); ``replicated`` is a folder that follows one, ``robot`` one that offers what it
+  publishes (``outbox``), ``maker`` makes blocks of offers, ``message`` is what travels;
+  ``opening``: ``open_ledger``. ``peer``: another process that judges blocks by a socket (``wire``).
+- ``cluster/``: servers on this machine, and the configuration of others.
 """
 
 from vrchain.ledger.records.block import Block, Entry

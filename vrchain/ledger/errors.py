@@ -171,3 +171,35 @@ class WireError(PeerError):
 
 class PeerRefusedError(PeerError):
     """The other robot's process refused a block; its reason is in the message."""
+
+
+class LogError(LedgerError):
+    """A log that a ledger shares with others does not serve."""
+
+
+class OvertakenError(LogError):
+    """Another block was appended first: take it in, and make the block anew."""
+
+
+class UnavailableError(LogError):
+    """No server answers, or too few for a majority. What waits stays in the outbox."""
+
+
+class ClusterError(LogError):
+    """The servers answer but cannot serve: too old, without JetStream, full, not permitted."""
+
+
+class GapError(LogError):
+    """What the log gives does not go on from the chain: a block is missing or another one."""
+
+
+class NotSettledError(LedgerError):
+    """The robot may have signed what this folder does not know: it has to read the chain first."""
+
+
+class ForkError(InvalidError):
+    """Two blocks of one height, both signed by a member: ``first`` and ``second`` convict it."""
+
+    def __init__(self, message: str, first: Any, second: Any) -> None:
+        super().__init__(message)
+        self.first, self.second = first, second

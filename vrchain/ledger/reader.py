@@ -6,6 +6,7 @@ from pathlib import Path
 
 from vrchain.ledger.errors import DamagedError, DroppedError, InvalidError, NotFoundError
 from vrchain.ledger.records.block import Entry
+from vrchain.ledger.records.membership import Drop
 from vrchain.ledger.records.proof import Proof
 from vrchain.ledger.records.transaction import Transaction
 from vrchain.ledger.rules.chain import Replica
@@ -24,7 +25,7 @@ from vrchain.ledger.storage.database import (
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.place import BLOBS_NAME, Place
 from vrchain.ledger.storage.resume import read_history, read_state, read_whole_entries
-from vrchain.ledger.storage.retention import Retention
+from vrchain.ledger.storage.retention import Retention, named_by
 
 
 class Reader(Replica, Closing):
@@ -79,6 +80,23 @@ class Reader(Replica, Closing):
                 if payload_digest not in Retention(records).dropped:
                     raise
         raise DroppedError(f"the payload {payload_digest.hex()} was dropped by the operator")
+
+    def blobs_of(self, entry: Entry) -> dict[bytes, bytes]:
+        """All blobs that an entry names, by digest, as ``Ledger.take`` wants them.
+
+        Where some were dropped, the operator's drops of them too. NotFoundError, DamagedError.
+        """
+        found, gone = dict[bytes, bytes](), set[bytes]()
+        for blob in named_by(entry.records):
+            try:
+                found[blob] = self.payload(blob)
+            except DroppedError:
+                gone.add(blob)
+        if gone:
+            for record in read_records(self._db, "the drops", "robot IS NULL"):
+                if isinstance(record, Drop) and gone & {*record.blobs}:
+                    found[record.id] = record.record
+        return found
 
     def entry(self, height: int) -> Entry:
         """The block at ``height`` and its records. NotFoundError, DamagedError."""

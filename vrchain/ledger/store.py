@@ -9,17 +9,23 @@ from collections.abc import Iterator, Mapping, Sequence, Set
 from pathlib import Path
 from typing import Self
 
-from vrchain.ledger.errors import NotFoundError, ReadOnlyError
+from vrchain.ledger.errors import (
+    ForkError,
+    NotFoundError,
+    PayloadDigestError,
+    ReadOnlyError,
+)
 from vrchain.ledger.reader import Reader
 from vrchain.ledger.records.block import Block, Entry, Record
 from vrchain.ledger.records.keys import PublicKey, SigningKey
 from vrchain.ledger.records.membership import MAX_DROPPED, OPERATOR, Drop, Enrolment, Expulsion
 from vrchain.ledger.records.transaction import Offer, Transaction, blob_digest
 from vrchain.ledger.rules.chain import Lap, genesis_entry
+from vrchain.ledger.rules.validity import begin
 from vrchain.ledger.storage.database import insert_entry, read_records
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.folder import create_folder
-from vrchain.ledger.storage.retention import Retention, old_blobs
+from vrchain.ledger.storage.retention import Retention, dropped_by, named_by, old_blobs
 from vrchain.ledger.storage.turns import Turns
 
 
@@ -115,6 +121,55 @@ class Ledger(Reader):
             self._append((transaction,), blobs, robot, key, lap)
         return transaction
 
+    @classmethod
+    def adopt(cls, folder: str | os.PathLike[str], first: Entry) -> Self:
+        """Another's ledger in a new folder, opened for writing: its first entry, no more yet.
+
+        Raises InvalidError kinds, and as ``create``.
+        """
+        begin(*first)
+        create_folder(Path(folder), first)
+        return cls.open(folder, writable=True)
+
+    def take(self, entry: Entry, blobs: Mapping[bytes, bytes]) -> bool:
+        """Append another's block, once it is judged, with its blobs; durable then.
+
+        False if it is here already. ``blobs``: by digest, all that its transactions name; in place
+        of those that were dropped since, the operator's record of that. Raises InvalidError kinds,
+        ForkError for a second block of one height, PayloadDigestError, and StorageError kinds;
+        then nothing has changed.
+        """
+        block, records = entry
+        with self._turn():
+            if block.height <= self.head.height:
+                self._check_same(block)
+                return False
+            after = self.check(block, records)
+            good = {blob for blob in named_by(records) if blob_digest(blobs.get(blob)) == blob}
+            wrong = named_by(records) - good
+            if wrong and not wrong <= dropped_by(blobs.values(), self.genesis):
+                raise PayloadDigestError(
+                    f"the blobs are not those that the records of {block} name"
+                )
+            self._write(entry, {blob: blobs[blob] for blob in good})
+            self.state = after
+        for record in records:
+            if isinstance(record, Drop):
+                self._remove_unneeded(record.blobs)
+        return True
+
+    def _check_same(self, block: Block) -> None:
+        """ForkError unless this is the block of its height; any other error if it is forged."""
+        own = self.entry(block.height).block
+        if own.hash != block.hash:
+            block.check_signature(block.author, self.state.public_key(block.author))
+            raise ForkError(
+                f"{block.author} signed a second {block}: {own.hash.hex()} is in the ledger, by "
+                f"{own.author}, and this one is {block.hash.hex()}",
+                own,
+                block,
+            )
+
     def draft_transaction(
         self,
         robot: str,
@@ -200,7 +255,7 @@ class Ledger(Reader):
 
     def _remove_unneeded(self, blobs: Sequence[bytes]) -> None:
         """Under the lock, since another writer may have published the same bytes again."""
-        with self._writing():
+        with self._turn():
             kept = self._kept()
             for blob in blobs:
                 if blob not in kept:
@@ -220,8 +275,12 @@ class Ledger(Reader):
         self.state = after
         lap("append_memory")
 
+    def _writing(self) -> contextlib.AbstractContextManager[None]:
+        """In which a block is made and appended, with everything that others wrote taken in."""
+        return self._turn()
+
     @contextlib.contextmanager
-    def _writing(self) -> Iterator[None]:
+    def _turn(self) -> Iterator[None]:
         """Hold the write lock, with everything that others wrote taken in."""
         if not self.writable:
             raise ReadOnlyError(f"{self.folder} was opened for reading; open it writable=True")

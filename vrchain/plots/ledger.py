@@ -1,4 +1,4 @@
-"""The ledger: its chain of blocks, how large it gets, and what a flood does to it."""
+"""The ledger: its chain of blocks, and how large it gets."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.ticker import NullFormatter, NullLocator
 
-from vrchain.experiments.ledger.flood import BAR, QUIET, FloodConfig
 from vrchain.experiments.ledger.size import KEEP, LAYOUTS, TEAM, TOGETHER
 from vrchain.ledger import Entry, Transaction
 from vrchain.ledger.records.transaction import NO_TRANSACTION
@@ -17,7 +16,6 @@ from vrchain.plots.style import (
     BLUE,
     BYTES,
     GREEN,
-    ORANGE,
     RED,
     SKY,
     in_units,
@@ -38,14 +36,6 @@ _SHORT = {
     "one a block": "one transaction\na block",
     "several a block": f"{TOGETHER} transactions\na block",
     "retention": f"newest {KEEP}\nkept",
-}
-_FATES = {
-    "admitted": ("admitted", GREEN),
-    "SignatureError": ("signature does not hold", RED),
-    "InputLimitError": ("too large", "#CC79A7"),
-    "RateLimitError": ("over the robot's rate", ORANGE),
-    "other": ("duplicate, or after a gap", "#F0E442"),
-    "unheard": ("sent, not listened to", "#BBBBBB"),
 }
 
 
@@ -201,56 +191,3 @@ def _record_bars(axes: Axes, sizes: pd.DataFrame) -> None:
     axes.bar_label(bars, [f"{value:,.0f}" for value in bytes_each], padding=2)
     axes.set_ylabel("bytes a position")
     axes.margins(y=0.15)
-
-
-def flood_figure(table: pd.DataFrame, floods: pd.DataFrame, config: FloodConfig) -> Figure:
-    """``flood.summarise`` and ``flood.outcomes`` of an experiment with ``config``."""
-    figure, (noticed, became) = panels(
-        12.5, 0.5 * len(table) + 2.6, 1, 2, sharey=True, width_ratios=(1.1, 1.0)
-    )
-    _noticed(noticed, table, config.robots)
-    _became(became, floods.set_index("name").reindex(table["name"]))
-    legend_below(figure, became.containers, 6)
-    figure.suptitle("One robot floods the one that takes in transactions")
-    return figure
-
-
-def _noticed(axes: Axes, table: pd.DataFrame, n_robots: int) -> None:
-    places, median_ms, p99_ms = range(len(table)), table.median_us / 1e3, table.p99_us / 1e3
-    axes.hlines(places, median_ms, p99_ms, lw=1.2, color="#999999", zorder=1)
-    axes.plot(median_ms, places, "o", ms=7, color=BLUE)
-    axes.plot(p99_ms, places, "D", ms=7, color=RED)
-    white = {"facecolor": "white", "edgecolor": "none", "pad": 1.5}
-    ratios = table[["name", "ratio", "ratio_low", "ratio_high"]].to_numpy()
-    for place, ms, (name, ratio, low, high) in zip(places, p99_ms, ratios, strict=True):
-        if name != QUIET:
-            text = f"{ratio:.2f} x ({low:.2f} to {high:.2f})"
-            label(axes, text, (ms, place), (9, 0), va="center", fontsize=8.5, bbox=white)
-    quiet_ms = float(table.reference_us.iloc[0]) / 1e3
-    limit_ms = BAR * quiet_ms
-    axes.axvline(quiet_ms, color=RED, lw=0.9, ls=":")
-    axes.axvline(limit_ms, color="#333333", lw=1.1, ls="--")
-    axes.text(limit_ms, -0.5, f" {BAR:g} x quiet", fontsize=8.5, va="center")
-    axes.set_yticks(places, list(table["name"]))
-    end_ms = 1.45 * max(float(p99_ms.max()), limit_ms)
-    axes.set(xlim=(0, end_ms), ylim=(len(table) - 0.45, -0.6))
-    axes.set_xlabel("until a transaction is durable (ms): median ●, 99th percentile ◆")
-    refused = f"{int(table.refused.sum())} of their {table.positions.sum()} refused"
-    axes.set_title(f"What the {n_robots} honest robots notice: {refused}")
-
-
-def _became(axes: Axes, floods: pd.DataFrame) -> None:
-    """Shares of the messages sent, by fate."""
-    counts = floods.drop(columns=["sent", "sent_mb", "gate_busy"])
-    fates = counts.reindex(columns=list(_FATES), fill_value=0.0)
-    fates["other"] = counts.drop(columns=counts.columns.intersection(fates.columns)).sum(axis=1)
-    shares = fates.div(fates.sum(axis=1).clip(lower=1), axis=0)
-    places, ends = range(len(shares)), shares.cumsum(axis=1)
-    for fate, (name, colour) in _FATES.items():
-        left = ends[fate] - shares[fate]
-        axes.barh(places, shares[fate], left=left, height=0.6, color=colour, label=name)
-    for place, number in enumerate(floods.sent):
-        axes.text(1.02, place, f"{number:,.0f}" if number else "none", va="center", fontsize=9)
-    axes.set_xticks([0, 0.25, 0.5, 0.75, 1.0], ["0", "25 %", "50 %", "75 %", "100 %"])
-    axes.set_xlabel("share of the messages that the flooder got rid of; how many")
-    axes.set(xlim=(0, 1.16), title="What becomes of the flood")

@@ -19,8 +19,6 @@ from vrchain.experiments.workers import each
 from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
 
-TIMED = ("flood",)  # measures times when it is drawn, so it is drawn alone
-
 Drawn = tuple[Figure, pd.DataFrame]
 """A figure, and the table of what it shows."""
 Draw = Callable[[Results], Drawn]
@@ -73,16 +71,10 @@ def run_scripts(
     """
     check_names(names, scripts)
     chosen = list(names) or figure_names(scripts)
-    timed = [name for name in chosen if name in TIMED]
-    others = [name for name in chosen if name not in TIMED]
-    failed = [
-        complaint
-        for own, at_once in ((others, jobs), (timed, 1))
-        for complaint in each(
-            partial(_draw, results, folder, scripts, own), range(len(own)), at_once, "figures"
-        )
-        if complaint
-    ]
+    drawn = each(
+        partial(_draw, results, folder, scripts, chosen), range(len(chosen)), jobs, "figures"
+    )
+    failed = [complaint for complaint in drawn if complaint]
     if failed:
         print("\n".join(["could not draw", *failed]))
         names_only = ", ".join(line.partition(":")[0] for line in failed)

@@ -2,6 +2,7 @@
 
 ``latency``: the paper's update and retrieval times. ``speed`` (``vrchain bench ledger``): beside
 what hashing, signing and the disk take at least (``baselines``) for ledgers of up to 100,000
-positions (``stores``). ``size``: over positions and robots. ``flood`` (``vrchain bench flood``):
-while one robot floods the others' gate (``flooder``). ``tampering``: who notices it.
+positions (``stores``). ``size``: over positions and robots. ``tampering``: who notices it.
+Over servers (``vrchain bench cluster``): ``cluster`` how fast, ``failures`` what is lost,
+``hostile`` what attacks come to.
 """

@@ -75,6 +75,11 @@ class Offer:
             raise PayloadDigestError(f"the blobs are not those that {self.transaction} names")
 
     @property
+    def size(self) -> int:
+        """How many bytes its blobs have."""
+        return len(self.payload) + len(self.landmarks or b"")
+
+    @property
     def blobs(self) -> dict[bytes, bytes]:
         """The bytes by their digests."""
         given = (self.payload,) if self.landmarks is None else (self.payload, self.landmarks)

@@ -4,7 +4,7 @@ A robot that makes blocks for others holds the door: strangers hand it bytes, as
 like. What costs least is checked first, and a robot's rate is charged only after its signature
 holds, so that nobody can use up another's. What comes through waits, bounded, for its block.
 None of this is validity: replicas with other limits and clocks agree on the chain all the same.
-``gate`` brings what comes over sockets here, and sees to it that no sender crowds out others.
+A maker (``network/maker``) brings offers here; servers have told its senders apart by their keys.
 """
 
 import contextlib
@@ -108,9 +108,14 @@ class Admission:
 
     def take(self) -> list[Offer]:
         """The next block's transactions, in the order in which they came; they wait no more."""
-        count = min(len(self._queue), self.limits.block_length)
-        taken = [self._queue.popleft()[1] for _ in range(count)]
-        self._queued_bytes -= sum(len(o.payload) + len(o.landmarks or b"") for o in taken)
+        taken, room = list[Offer](), self.limits.block_bytes
+        while self._queue and len(taken) < self.limits.block_length:
+            size = self._queue[0][1].size
+            if taken and size > room:
+                break
+            room -= size
+            self._queued_bytes -= size
+            taken.append(self._queue.popleft()[1])
         self._last = {offer.transaction.robot: offer.transaction for _, offer in self._queue}
         return taken
 

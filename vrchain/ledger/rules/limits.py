@@ -1,14 +1,11 @@
-"""How much is taken in, and buckets that hold to it. ``admission`` and ``gate`` use both."""
+"""How much is taken in, and buckets that hold to it: ``admission`` uses both."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What is taken in. A robot publishes every few seconds, 200 kB each.
-
-    A *sender* is a connection: what it sends is charged to it until it turns out to be good.
-    """
+    """What is taken in. A robot publishes every few seconds, 200 kB each."""
 
     record_bytes: int = 2048  # of a transaction that nobody has verified yet
     blob_bytes: int = 1 << 22  # of its panorama and landmark record together
@@ -20,15 +17,12 @@ class Limits:
     queue_length: int = 256  # transactions that wait
     queue_bytes: int = 1 << 26  # their blobs
     block_length: int = 64  # transactions in one block
+    block_bytes: int = 7_000_000  # of its blobs, so that it travels as one message
     block_delay_ns: int = 200_000_000  # how long the first one waits for others
-    sender_messages_per_s: float = 2.0  # that came to nothing, in the long run
-    sender_burst: int = 20  # that came to nothing, at once; a new sender begins with one
-    sender_bytes_per_s: float = 1 << 20  # in such messages, in the long run
-    sender_burst_bytes: int = 1 << 24  # in such messages, at once
-    senders: int = 64  # connected at the same time
-    arrivals_per_s: float = 10.0  # new senders, in the long run
-    arrivals_burst: int = 16  # new senders, at once
-    message_ns: int = 30_000_000_000  # from a message's first byte to its last
+
+
+# Takes in at any rate: to measure what else holds it up.
+UNLIMITED = Limits(rate_per_s=1e6, burst=1 << 20, rate_bytes_per_s=1e12, burst_bytes=1 << 40)
 
 
 class Bucket:
@@ -43,18 +37,10 @@ class Bucket:
     def fill(self, now_ns: int) -> float:
         """The level now. A clock that was set back fills nothing."""
         if now_ns > self._filled_ns:
-            self.give((now_ns - self._filled_ns) / 1e9 * self._rate_per_s)
-            self._filled_ns = now_ns
+            earned = (now_ns - self._filled_ns) / 1e9 * self._rate_per_s
+            self.level, self._filled_ns = min(self.level + earned, self._burst), now_ns
         return self.level
-
-    def give(self, amount: float) -> None:
-        """Put something back, up to the burst."""
-        self.level = min(self.level + amount, self._burst)
 
     def take(self, amount: float) -> None:
         """Take something out, whatever there is."""
         self.level -= amount
-
-    def wait_s(self, amount: float) -> float:
-        """How long from the last ``fill`` until the level is ``amount``."""
-        return max(0.0, (amount - self.level) / self._rate_per_s)

@@ -5,10 +5,12 @@ go, in a ``Drop``: two robots may have published the same bytes, and one that tu
 others must not take its own evidence away.
 """
 
+import contextlib
 from collections.abc import Iterable
 
+from vrchain.errors import LedgerError
 from vrchain.ledger.records.block import Record
-from vrchain.ledger.records.membership import Drop
+from vrchain.ledger.records.membership import OPERATOR, Drop, Genesis
 from vrchain.ledger.records.transaction import Transaction
 
 
@@ -35,6 +37,23 @@ class Retention:
             for blob in record.blobs:
                 self.kept.pop(blob, None)
             self.dropped.update(record.blobs)
+
+
+def named_by(records: Iterable[Record]) -> set[bytes]:
+    """Digests of the blobs that these transactions name."""
+    return {b for record in records if isinstance(record, Transaction) for b in record.blobs}
+
+
+def dropped_by(blobs: Iterable[bytes], genesis: Genesis) -> set[bytes]:
+    """Digests that are let go of by those of these bytes which are the operator's drops."""
+    found: set[bytes] = set()
+    for data in blobs:
+        with contextlib.suppress(LedgerError):
+            record = Drop.decode(data)
+            record.check_signature(OPERATOR, genesis.operator)
+            if record.ledger_id == genesis.id:
+                found.update(record.blobs)
+    return found
 
 
 def old_blobs(records: Iterable[Record], keep: int) -> list[bytes]:

@@ -1,0 +1,367 @@
+"""Servers that do not serve, each told in one line, and the folder stays; a cluster's commands."""
+
+import contextlib
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from clusters import PATIENCE_S, eventually, making, skip_without_servers
+from ledgers import KEYS, OPERATOR_KEY, small_ledger
+from typer.testing import CliRunner
+
+from vrchain import extras
+from vrchain.cli import app
+from vrchain.ledger import Ledger, errors, verify
+from vrchain.ledger.cluster import servers as module
+from vrchain.ledger.cluster.config import Users, server_config
+from vrchain.ledger.cluster.servers import MARKER, Cluster, find_server
+from vrchain.ledger.network.connection import Connection, Servers, nkey, token
+from vrchain.ledger.network.log import put
+from vrchain.ledger.network.opening import open_ledger
+from vrchain.ledger.network.robot import RobotLedger
+from vrchain.ledger.network.stream import Stream, set_up
+
+USERS = Users(OPERATOR_KEY.public, {n: k.public for n, k in KEYS.items()}, frozenset({"R2"}))
+
+
+@pytest.fixture(scope="module")
+def guarded(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """One server that lets in members alone, with ``small_ledger``; R2 makes blocks."""
+    skip_without_servers()
+    folder = tmp_path_factory.mktemp("guarded")
+    small_ledger(folder / "ledger")
+    cluster = Cluster.make(folder / "servers", 1, USERS)
+    operator = Servers.at(cluster.address, key=OPERATOR_KEY, name="operator")
+    with cluster.running(OPERATOR_KEY, "operator"), Ledger.open(folder / "ledger") as ledger:
+        with contextlib.closing(Stream(Connection(operator))) as stream:
+            put(ledger, stream, -1)
+        yield cluster
+
+
+def newest(address: str, **options: object) -> int:
+    servers = Servers.at(address, **({"timeout_s": 2.0} | options))
+    with contextlib.closing(Stream(Connection(servers))) as stream:
+        return stream.newest()
+
+
+@contextlib.contextmanager
+def pretended(info: dict[str, object]) -> Iterator[str]:
+    """Something that greets as a server does, and answers pings alone."""
+    with socket.create_server(("127.0.0.1", 0)) as listener:
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    connection, _ = listener.accept()
+                    connection.sendall(f"INFO {json.dumps(info)}\r\n".encode())
+                    threading.Thread(target=answer, args=(connection,), daemon=True).start()
+
+        def answer(connection: socket.socket) -> None:
+            with contextlib.suppress(OSError):
+                while data := connection.recv(1 << 12):
+                    if b"PING" in data:
+                        connection.sendall(b"PONG\r\n")
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"nats://127.0.0.1:{listener.getsockname()[1]}"
+
+
+GREETING = {"version": "2.15.1", "headers": True, "max_payload": 8 << 20, "jetstream": True}
+
+
+def test_a_member_and_a_maker_work_with_their_keys_alone(guarded: Cluster, tmp_path: Path) -> None:
+    with (
+        making(guarded.address, tmp_path / "R2", "R2", signs=True),
+        open_ledger(guarded.address, tmp_path / "R1", key=KEYS["R1"], name="R1") as r1,
+        open_ledger(guarded.address, tmp_path / "R3", key=KEYS["R3"], name="R3") as r3,
+    ):
+        assert isinstance(r1, RobotLedger) and isinstance(r3, RobotLedger)
+        sent = r1.publish("R1", KEYS["R1"], b"payload", "view", 60)
+        r1.wait(sent, timeout_s=PATIENCE_S)
+        eventually(lambda: r3.refresh() or r3.latest("R1") == sent)
+        eventually(lambda: r3.others.get("R1") == (r1.head.height, 0), "heads are told")
+        r3.publish("R1", KEYS["R1"], b"in another's place", "view", 70)
+        with pytest.raises(errors.ClusterError, match=r"do not permit R3 to publish to offer\.R1"):
+            r3.wait(timeout_s=PATIENCE_S)
+
+
+@pytest.mark.parametrize(
+    ("options", "complaint"),
+    [
+        ({}, "let nobody in as anyone: give the key"),
+        ({"key": OPERATOR_KEY, "name": "R1"}, None),
+        ({"key": KEYS["R1"], "name": "R1"}, None),
+    ],
+)
+def test_who_comes_in(guarded: Cluster, options: dict[str, object], complaint: str | None) -> None:
+    if complaint is None:
+        assert newest(guarded.address, **options) >= 5
+    else:
+        with pytest.raises(errors.ClusterError, match=complaint):
+            newest(guarded.address, **options)
+
+
+def test_a_server_that_is_not_there(folder: Path, tmp_path: Path) -> None:
+    """A new folder needs one; another reads on, and says what keeps it from the servers."""
+    skip_without_servers()
+    with socket.create_server(("127.0.0.1", 0)) as gone:
+        address = f"nats://127.0.0.1:{gone.getsockname()[1]}"
+    with pytest.raises(errors.UnavailableError, match=r"no answer from .*127\.0\.0\.1"):
+        open_ledger(address, tmp_path / "new", timeout_s=0.5)
+    assert not (tmp_path / "new").exists()
+    with open_ledger(address, folder, timeout_s=0.5) as opened:
+        assert isinstance(opened, RobotLedger)
+        assert opened.payload(opened.history("R1")[0].payload_digest) == b"first of R1"
+        with pytest.raises(errors.UnavailableError, match="no answer from"):
+            opened.wait_until_followed(timeout_s=1.0)
+    assert verify(folder).ok
+
+
+@pytest.mark.parametrize(
+    ("greeting", "complaint"),
+    [
+        ({"version": "2.9.10"}, r"version 2\.12\.0 or later, got 2\.9\.10 .*distribution"),
+        ({"jetstream": False}, "expected servers with JetStream .*cluster config"),
+    ],
+)
+def test_a_server_too_old_or_without_jetstream(
+    greeting: dict[str, object], complaint: str, folder: Path
+) -> None:
+    skip_without_servers()
+    with pretended(GREETING | greeting) as address:
+        with pytest.raises(errors.ClusterError, match=complaint):
+            newest(address)
+        with open_ledger(address, folder, timeout_s=2.0) as opened:
+            assert isinstance(opened, RobotLedger)
+            with pytest.raises(errors.ClusterError, match=complaint):
+                opened.wait_until_followed(timeout_s=PATIENCE_S)
+            assert opened.head.height == 5
+
+
+def test_servers_without_a_ledger_with_another_and_full(
+    servers: Cluster, folder: Path, tmp_path: Path
+) -> None:
+    async def delete(client: object) -> None:
+        await client.jetstream().delete_stream("block")  # type: ignore[attr-defined]
+
+    with contextlib.closing(Stream(Connection(Servers.at(servers.address)))) as stream:
+        stream.connection.run(delete)
+        with pytest.raises(errors.ClusterError, match="hold no ledger: vrchain cluster put"):
+            stream.newest()
+        set_up(stream.connection, 3, max_bytes=100_000)
+        with Ledger.create(tmp_path / "other", {}, OPERATOR_KEY, name="other") as other:
+            put(other, stream, -1)
+            with (
+                open_ledger(servers.address, folder) as opened,
+                pytest.raises(errors.WrongLedgerError, match="hold another ledger"),
+            ):
+                assert isinstance(opened, RobotLedger)
+                opened.wait_until_followed(timeout_s=PATIENCE_S)
+            with pytest.raises(errors.ClusterError, match=r"are full .*make room"):
+                for number in range(40):
+                    other.enrol(f"{number}{'x' * 60}", KEYS["R3"].public, OPERATOR_KEY, number)
+                for number in range(40):
+                    put(other, stream, stream.newest())
+                    other.drop_old(1, OPERATOR_KEY, 100)
+                    key = KEYS["R3"]
+                    other.publish(f"{number}{'x' * 60}", key, os.urandom(20_000), "view", 100)
+        assert verify(tmp_path / "other").ok
+
+
+@pytest.mark.parametrize(
+    "address", ["nats:/host", "http://host", "nats://", "nats://a,,b", "nats://a b", "nats://u@h:1"]
+)
+def test_an_address_that_is_none(address: str) -> None:
+    with pytest.raises(errors.ClusterError, match="expected nats://HOST,HOST,HOST"):
+        Servers.at(address)
+
+
+def test_without_the_library_one_line_says_what_to_install(
+    monkeypatch: pytest.MonkeyPatch, folder: Path
+) -> None:
+    monkeypatch.setattr(extras, "find_spec", lambda name: None)
+    with pytest.raises(errors.ClusterError, match=r"pip install 'nats-py==2\.16\.0'"):
+        open_ledger("nats://localhost", folder)
+    with Ledger.open(folder) as ledger:
+        assert ledger.head.height == 5
+
+
+def test_a_folder_has_to_be_given() -> None:
+    with pytest.raises(errors.ClusterError, match="expected the folder of this machine's copy"):
+        open_ledger("nats://localhost")
+
+
+def fake_server(folder: Path, version: str) -> Path:
+    folder.mkdir()
+    path = folder / "nats-server"
+    path.write_text(f"#!/bin/sh\necho nats-server: v{version}\n")
+    path.chmod(0o755)
+    return path
+
+
+def test_the_installed_server_is_taken_first_if_it_is_new_enough(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    new, old = fake_server(tmp_path / "new", "2.99.0"), fake_server(tmp_path / "old", "2.9.10")
+    monkeypatch.setenv("PATH", f"{new.parent}:{os.environ['PATH']}")
+    assert find_server() == str(new)
+    monkeypatch.setattr(module.sys, "executable", str(new.with_name("python")))
+    monkeypatch.setenv("PATH", str(old.parent))
+    assert find_server() == str(new)
+    monkeypatch.setattr(module.sys, "executable", str(tmp_path / "python"))
+    with pytest.raises(errors.ClusterError, match=r"old/nats-server has 2\.9\.10: pip install"):
+        find_server()
+
+
+def test_a_key_is_written_as_nats_does() -> None:
+    """The example of NATS's own nkeys: public keys begin with U and have 56 letters."""
+    written = nkey(KEYS["R1"].public)
+    assert len(written) == 56 and written[0] == "U"
+    assert token("a.b-c") == "a=b-c"
+    config = json.loads(server_config(*_nodes(), Path("/store"), USERS))
+    users = {user["nkey"]: user["permissions"] for user in config["authorization"]["users"]}
+    assert len(users) == 4
+    assert "block" not in users[written]["publish"]["allow"]
+    assert "block" in users[nkey(KEYS["R2"].public)]["publish"]["allow"]
+    assert config["jetstream"]["sync_interval"] == "always"
+
+
+def _nodes() -> tuple[module.Node, list[module.Node]]:
+    nodes = [module.Node(f"n{k}", f"10.0.0.{k}", 4222, 6222, 8222) for k in range(3)]
+    return nodes[0], nodes
+
+
+def vrchain(*words: object) -> subprocess.Popen[str]:
+    return subprocess.Popen(
+        [sys.executable, "-m", "vrchain", *map(str, words)],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+
+
+def said(*words: object, status: int = 0) -> str:
+    """What a command prints, or its complaint."""
+    done = CliRunner().invoke(app, [str(word) for word in words])
+    assert bool(done.exception) == bool(status), done.exception
+    return done.output + str(done.exception or "")
+
+
+def test_the_commands_of_a_cluster(folder: Path, tmp_path: Path) -> None:
+    skip_without_servers()
+    where = tmp_path / "servers"
+    try:
+        address = json.loads(said("cluster", "up", "-o", where, "--json"))["address"]
+        assert json.loads(said("cluster", "up", "-o", where, "--json"))["address"] == address
+        assert "put 6 blocks" in said("cluster", "put", folder, address, "--anonymous")
+        assert "put 0 blocks" in said("cluster", "put", folder, address, "--anonymous")
+        assert said("cluster", "status", "-o", where).count("block 5, ") == 3
+        cluster = Cluster.load(where)
+        cluster.stop("n2", number=signal.SIGKILL)
+        assert "n2 does not answer" in said("cluster", "status", "-o", where, status=1)
+        eventually(lambda: any(row.get("block_leads") for row in cluster.status()))
+        watched = said("ledger", "watch", address, "--folder", tmp_path / "copy", "--seconds", 3)
+        assert "block 4 by R3: transaction 0 of R3" in watched
+        assert "ended 2 servers" in said("cluster", "down", "-o", where)
+        assert left_in(where) == []
+    finally:
+        if (where / MARKER).exists():
+            Cluster.load(where).stop()
+
+
+def test_commands_that_write_go_through_the_servers(servers: Cluster, tmp_path: Path) -> None:
+    team, keys = tmp_path / "team", ("--keys", tmp_path / "keys")
+    said("ledger", "init", team, "--member", "R1", *keys)
+    said("cluster", "put", team, servers.address, "--anonymous")
+    said("ledger", "enroll", team, "R2", *keys, "--servers", servers.address)
+    assert newest(servers.address) == 1
+    assert "give --servers" in said("ledger", "expel", team, "R2", *keys, status=1)
+    with making_with(servers.address, tmp_path, "R1"):
+        (tmp_path / "file").write_bytes(b"payload")
+        words = ("ledger", "append", team, "R2", tmp_path / "file", *keys)
+        assert "transaction 0 of R2 in block 2" in said(*words, "--servers", servers.address)
+    assert verify(team).ok
+
+
+@contextlib.contextmanager
+def making_with(address: str, folder: Path, robot: str) -> Iterator[None]:
+    """``vrchain cluster make`` in a process of its own."""
+    words = ["cluster", "make", address, "--folder", folder / "maker", "--robot", robot]
+    process = vrchain(*words, "--keys", folder / "keys", "--anonymous")
+    try:
+        yield
+        process.send_signal(signal.SIGINT)
+        assert "interrupted" in process.communicate(timeout=PATIENCE_S)[1]
+    finally:
+        process.kill()
+        process.wait()
+
+
+def test_ctrl_c_while_servers_start_leaves_none(tmp_path: Path) -> None:
+    skip_without_servers()
+    process = vrchain("cluster", "up", "-o", tmp_path / "servers")
+    eventually(lambda: list(tmp_path.glob("servers/*.pid")) or process.poll() is not None)
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=PATIENCE_S)
+    cluster = Cluster.load(tmp_path / "servers")
+    try:
+        if process.returncode == 0:  # it was ready before the signal came
+            pytest.skip(f"too late: {out}")
+        assert process.returncode == 130 and "interrupted" in err
+        assert left_in(tmp_path) == []
+    finally:
+        cluster.stop()
+
+
+def left_in(folder: Path) -> list[int]:
+    """Processes that have to do with a folder, whoever noted them down."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*/cmdline"):
+        with contextlib.suppress(OSError):
+            if str(folder).encode() in path.read_bytes():
+                found.append(int(path.parent.name))
+    return found
+
+
+def test_an_interrupt_as_servers_start_waits_until_they_are_noted_down(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skip_without_servers()
+    start = subprocess.Popen
+
+    def interrupted(*words: object, **options: object) -> object:
+        started = start(*words, **options)  # type: ignore[call-overload]
+        if "-l" in words[0]:  # type: ignore[operator]
+            signal.raise_signal(signal.SIGINT)
+        return started
+
+    cluster = Cluster.make(tmp_path / "servers")
+    monkeypatch.setattr(module.subprocess, "Popen", interrupted)
+    with pytest.raises(KeyboardInterrupt), cluster.running():
+        pass
+    assert left_in(tmp_path) == []
+
+
+def test_no_cluster_where_something_else_is(tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    assert "is not empty" in said("cluster", "up", "-o", tmp_path, status=1)
+    assert "expected a folder that" in said("cluster", "status", "-o", tmp_path, status=1)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine"]
+
+
+def test_the_configuration_of_real_servers(folder: Path, tmp_path: Path) -> None:
+    words = ["cluster", "config", "-o", tmp_path / "out", "--ledger", folder]
+    words += [f"--server=n{k}=10.0.0.{k}" for k in (1, 2, 3)]
+    assert "expected --maker" in said(*words, status=1)
+    assert "NAME=HOST" in said(*words, "--maker", "R2", "--server", "n1", status=1)
+    text = said(*words, "--maker", "R2", "--certificates", "/etc/vrchain")
+    assert "tls://10.0.0.1:4222,10.0.0.2:4222,10.0.0.3:4222" in text
+    config = json.loads((tmp_path / "out" / "n2.conf").read_text())
+    assert config["tls"]["cert_file"] == "/etc/vrchain/n2.crt"
+    assert config["cluster"]["tls"]["verify"] and config["max_payload"] == 8 << 20
+    assert len(config["authorization"]["users"]) == 4

