@@ -53,8 +53,9 @@ test-all: lint
 test-processors: setup
 	WORKERS=$(WORKERS) $(BIN)/python tools/processors.py $(PROCESSORS) -- $(TESTS)
 
+# tools/jupyter: no dialog that asks for a build, for which nothing here has need.
 lab: setup
-	$(BIN)/jupyter lab notebooks
+	JUPYTER_CONFIG_PATH="$(CURDIR)/tools/jupyter$${JUPYTER_CONFIG_PATH:+:$$JUPYTER_CONFIG_PATH}" $(BIN)/jupyter lab notebooks
 
 format: setup
 	$(BIN)/ruff check --fix .

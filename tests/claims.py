@@ -13,7 +13,7 @@ def pair(
     suburb: int, number: int, co_visible: int = 4, error_deg: float = 1.0, **others: object
 ) -> dict:
     return {
-        "suburb": suburb, "pair": number, "variant": "sift", "claimed": 0.5, "spacing_m": 5.0,
-        "co_visible": co_visible, "ms": 10.0, "direction_error_deg": error_deg,
+        "suburb": suburb, "pair": number, "variant": "sift", "claimed": 0.5, "surest": 0.5,
+        "spacing_m": 5.0, "co_visible": co_visible, "ms": 10.0, "direction_error_deg": error_deg,
         "heading_error_deg": error_deg, **others,
     }  # fmt: skip

@@ -16,7 +16,7 @@ import vrchain as vr
 from vrchain.cli import app
 
 DOCUMENTS = [*ROOT.glob("*.md"), *(ROOT / "docs").rglob("*.md")]
-API, SCRIPT, MATCHER, CLI, ARCHITECTURE = (
+API, SCRIPT, MATCHER, CLI, ARCHITECTURE, REPRODUCTION = (
     ROOT / "docs" / name
     for name in (
         "reference/api.md",
@@ -24,6 +24,7 @@ API, SCRIPT, MATCHER, CLI, ARCHITECTURE = (
         "how-to/own-matcher.md",
         "reference/cli.md",
         "architecture.md",
+        "reproduction.md",
     )
 )
 LONG = "# takes minutes"  # the first line of a block that is not run
@@ -143,3 +144,55 @@ def test_the_ten_questions_lead_to_a_definition() -> None:
         files = [there] if there.is_file() else there.rglob("*.py")
         pattern = rf"^(def|class) {defined}\b|^{defined}\b.* = "
         assert any(re.search(pattern, f.read_text("utf-8"), re.MULTILINE) for f in files), defined
+
+
+VERDICTS = {"holds", "holds with limits", "cannot be checked", "does not hold"}
+PAPER_SECTIONS = (  # those that claim something, and what they claim it by
+    "Abstract",
+    "Introduction",
+    "State of the Art",
+    "Methodology and Framework Design",
+    "Motivating Example",
+    "Navigation Use Case",
+    "Panoramic State Update",
+    "Evaluation",
+    "Performance Evaluation",
+    "Latency and Transmission Time Overhead",
+    "Scalability and Throughput",
+    "Denial of Service (DoS)",
+    "Conclusions",
+    *("figure 1", "figure 5", "figure 6", "figure 7", "table I"),
+)
+
+
+def rows_below(header: str, document: Path) -> list[list[str]]:
+    """The rows of every table with this header, as cells."""
+    text = document.read_text(encoding="utf-8")
+    _, *tables = text.split(f"\n{header}\n")
+    below = [table.split("\n\n")[0].splitlines()[1:] for table in tables]
+    return [row.strip("| ").split(" | ") for rows in below for row in rows]
+
+
+def leads_somewhere(link: str, document: Path) -> bool:
+    path, _, anchor = link.partition("#")
+    there = (document.parent / path).resolve() if path else document
+    return there.exists() and (not anchor or anchor in anchors(there))
+
+
+def test_every_claim_of_the_paper_has_a_verdict_and_a_link() -> None:
+    claims = rows_below("| claim | in the paper | here | verdict |", REPRODUCTION)
+    assert len(claims) >= 40
+    for claim, _, here, verdict in claims:
+        assert verdict in VERDICTS, claim
+        assert any(leads_somewhere(link, REPRODUCTION) for link in _LINK.findall(here)), claim
+    assert {row[-1] for row in claims} == VERDICTS
+    told = {part.strip() for _, where, *_ in claims for part in re.split("[;,]", where)}
+    assert set(PAPER_SECTIONS) <= told
+
+
+def test_every_open_question_says_what_shows_it_or_that_nothing_does() -> None:
+    questions = rows_below("| question | answer so far | shown by |", REPRODUCTION)
+    assert len(questions) >= 9
+    for question, answer, shown in questions:
+        assert question.endswith("?") and answer, question
+        assert any(leads_somewhere(link, REPRODUCTION) for link in _LINK.findall(shown)), question

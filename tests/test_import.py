@@ -76,3 +76,13 @@ def test_no_module_loads_a_heavy_library_or_leaves_a_file(tmp_path: Path) -> Non
     assert set(loaded) <= set(plots)
     assert {library for new in loaded.values() for library in new} <= {"matplotlib"}
     assert list(tmp_path.iterdir()) == []
+
+
+def test_ray_casting_prints_nothing_in_a_notebook(tmp_path: Path) -> None:
+    """Open3D asks IPython where it is, and would say that it found Jupyter."""
+    code = (
+        "import builtins\nclass ZMQInteractiveShell: pass\n"
+        "builtins.get_ipython = ZMQInteractiveShell\n"
+        "from vrchain.world.truth import _open3d\n_open3d(); print(0)"
+    )
+    assert in_fresh_process(code, tmp_path) == 0

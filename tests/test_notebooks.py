@@ -1,15 +1,17 @@
 """The notebooks are thin, stored without output, and each can be executed by itself."""
 
 import ast
+import re
 from pathlib import Path
 
 import nbformat
 import pytest
 from pages import fetched
 from snippets import strangers
+from worlds import ROOT
 
 from vrchain.cli import notebooks
-from vrchain.cli.notebooks import MANIFEST, NotebookError, execute, manifest
+from vrchain.cli.notebooks import MANIFEST, NotebookError, execute, linked, manifest
 from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.paths import NOTEBOOKS
 
@@ -19,6 +21,7 @@ NEEDS = {  # what a cell calls tells what its notebook needs
     "torch": ("common_landmarks(", "run_mission("),
     "results": ("reproduced(",),
 }
+MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 LONGEST_FUNCTION = 6  # lines; what is longer belongs into the library
 
 
@@ -73,6 +76,43 @@ def test_a_notebook_is_thin_says_what_it_is_about_and_is_stored_without_output(n
 @pytest.mark.parametrize("name", NAMES)
 def test_a_notebook_knows_the_package_by_its_public_names_alone(name: str) -> None:
     assert strangers(python_of(code_of(name))) == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_links_of_a_notebook_lead_on_in_the_folder_and_on_its_page(
+    name: str, tmp_path: Path
+) -> None:
+    words = [c.source for c in read(NOTEBOOKS / f"{name}.ipynb").cells if c.cell_type == "markdown"]
+    links = re.findall(r"\]\(([^)#]+)[^)]*\)", "\n".join(words))
+    links = [link for link in links if "://" not in link]
+    assert [link for link in links if not (NOTEBOOKS / link).is_file()] == []
+    for other in NAMES:
+        (tmp_path / f"{other}.html").touch()
+    page = linked("".join(f'<a href="{link}">' for link in links), tmp_path)
+    led = re.findall(r'<a href="([^"]*)">', page)
+    assert len(led) == len(links) and all((tmp_path / link).is_file() for link in led)
+    assert not any(link.endswith(".ipynb") for link in led)
+    if name != NAMES[-1]:
+        assert f"({NAMES[NAMES.index(name) + 1]}.ipynb)" in words[-1].split("Next: ")[-1]
+
+
+def test_links_of_a_page_that_lead_nowhere_or_elsewhere(tmp_path: Path) -> None:
+    """To a file that is not there is no link; those into the page and out of it stay."""
+    elsewhere = '<a href="#top"><a href="https://example.org/a.ipynb">'
+    assert linked(f'<a href="../docs/none.md">{elsewhere}', tmp_path) == f"<a>{elsewhere}"
+    page = linked('<a href="../docs/words.md#renamed">', tmp_path / "some")
+    path = re.findall(r'<a href="(.*)#renamed">', page)[0]
+    (tmp_path / "some").mkdir()
+    assert (tmp_path / "some" / path).resolve() == ROOT / "docs" / "words.md"
+
+
+def test_the_lab_asks_for_no_build(monkeypatch: pytest.MonkeyPatch) -> None:
+    """`make lab` starts it with a folder of settings, which turn its dialog off."""
+    config = pytest.importorskip("jupyterlab_server.config")
+    (folder,) = re.findall(r'JUPYTER_CONFIG_PATH="\$\(CURDIR\)/([\w/]+)', MAKEFILE)
+    monkeypatch.setenv("JUPYTER_CONFIG_PATH", str(ROOT / folder))
+    told = config.get_static_page_config(level="all")
+    assert told["buildAvailable"] is False and told["buildCheck"] is False
 
 
 def test_a_long_function_would_be_noticed() -> None:

@@ -80,6 +80,9 @@ def test_figures_are_what_the_module_says() -> None:
     assert own["within_1_std"] == pytest.approx(1 / 5)
     assert own["within_2_std"] == pytest.approx(3 / 5)
     assert (own["sure_wrong"], own["false_arrivals"]) == (1, 1) and own["return_ratio"] is None
+    truth = summarise(table, position_error_m=0.1)["made up"]  # 4 and 1.65 degrees at 2 and 4.9 m
+    assert truth["within_1_std"] == pytest.approx(1 / 5) and truth["sure_wrong"] == 1
+    assert truth["within_2_std"] == pytest.approx(4 / 5)
     bands = [v for name, v in own.items() if name.startswith("error_")]
     assert bands == pytest.approx([4.5, 90.0, 95 / 3])
 

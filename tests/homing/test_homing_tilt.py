@@ -9,7 +9,7 @@ from sights import look
 from vrchain.experiments.homing_database import tilted
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import HomeVector, Snapshot, snapshot, step
-from vrchain.panorama import CameraRig
+from vrchain.panorama import CameraRig, Panorama
 
 TALL = CameraRig(n_views=8, width_px=320, height_px=480)
 HOME = Pose(0.5, -0.3, 1.0)
@@ -87,3 +87,43 @@ def test_few_matches_give_a_doubtful_answer_and_a_compass_a_surer_one() -> None:
         errors[compass], stds[compass] = off, std
         assert len(off) >= 4 and np.mean(np.array(off) <= 2 * np.array(std)) >= 0.7
     assert np.median(stds[told]) < np.median(stds[None])
+
+
+def only(snapshot_: Snapshot, low_rad: float, high_rad: float) -> Snapshot:
+    """What is seen within some bearings."""
+    bearing_rad = snapshot_.features.bearing_rad
+    return Snapshot(snapshot_.features.take((bearing_rad > low_rad) & (bearing_rad < high_rad)))
+
+
+def test_matches_on_one_side_alone_make_no_answer_sure() -> None:
+    """One thing may look like another one."""
+    here = Pose(2.4, 0.9, -2.0)
+    whole = step("epipolar", sight(here, 0.0), sight(HOME, 0.0))
+    one_side = step("epipolar", only(sight(here, 0.0), -0.5, 1.0), sight(HOME, 0.0))
+    assert whole is not None and np.degrees(whole.std_rad) < 3
+    assert one_side is not None and np.degrees(one_side.std_rad) > 20
+
+
+def test_cameras_that_leave_holes_never_lead_surely_astray() -> None:
+    """One that looks ahead, and two, ahead and back, whichever way each robot faces."""
+    answers = 0
+    for here in STARTS[:2]:
+        for views in ((0, 1), (0, 1, 4, 5)):
+            for turn in (0, 3, 5):
+                looks = [holed(here, tuple((v + turn) % 8 for v in views)), holed(HOME, views)]
+                vector = step("epipolar", *looks)
+                assert vector is None or not vector.arrived
+                if vector is not None:
+                    answers += 1
+                    off = off_deg(vector, here)
+                    assert off < 45 or np.degrees(vector.std_rad) > 20
+    assert answers >= 6
+
+
+@cache
+def holed(pose: Pose, views: tuple[int, ...]) -> Snapshot:
+    """Only what some views see; the others are black, and masked."""
+    whole = look(pose)
+    seen = np.zeros(whole.views.shape[:3], bool)
+    seen[list(views)] = True
+    return snapshot(Panorama(whole.rig, whole.views * seen[..., None], seen))

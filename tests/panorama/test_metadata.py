@@ -74,8 +74,9 @@ def test_nothing_is_told(content: bytes) -> None:
 @pytest.mark.parametrize(
     ("changed", "word"),
     [
-        ({"PosePitchDegrees": "up"}, "GPano:PosePitchDegrees, got 'up'"),
+        ({"PosePitchDegrees": "up"}, "-90 to 90 as GPano:PosePitchDegrees, got 'up'"),
         ({"PoseRollDegrees": "nan"}, "GPano:PoseRollDegrees, got 'nan'"),
+        ({"PosePitchDegrees": "400"}, "from -90 to 90 as GPano:PosePitchDegrees, got '400'"),
         ({"FullPanoWidthPixels": "0"}, "does not lie in the whole of 0 x 500"),
         ({"CroppedAreaLeftPixels": "501"}, "does not lie in the whole"),
         ({"CroppedAreaTopPixels": "-1"}, "does not lie in the whole"),

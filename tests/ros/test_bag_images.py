@@ -44,6 +44,14 @@ def yuv(first: int) -> np.ndarray:
     return packed.round().clip(0, 255).astype(np.uint8)
 
 
+def planes(blue_first: bool) -> np.ndarray:
+    """Luma, then half as many rows of colours, one pair for four pixels, by BT.601."""
+    packed = yuv(0)
+    u, v = packed[::2, 0::2, 1], packed[::2, 1::2, 1]
+    pairs = np.stack([u, v] if blue_first else [v, u], axis=-1).reshape(HEIGHT // 2, WIDTH)
+    return np.concatenate([packed[..., 0], pairs])
+
+
 GREY = cv2.cvtColor(PICTURE, cv2.COLOR_RGB2GRAY)
 DEEP = PICTURE.astype("<u2") * 257
 
@@ -65,6 +73,8 @@ DEEP = PICTURE.astype("<u2") * 257
         (image(yuv(1), "uyvy", pad=2), 4),
         (image(yuv(0), "yuv422_yuy2"), 4),
         (image(yuv(0), "yuyv"), 4),
+        (image(planes(True), "nv12"), 4),
+        (image(planes(False), "nv21"), 4),
     ],
     ids=lambda value: getattr(value, "encoding", str(value)),
 )

@@ -23,8 +23,9 @@ from vrchain.navigation.settings import MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
 from vrchain.simulation import mission
-from vrchain.simulation.mission import MARKER, SUCCESS_RANGE_M, MissionRun, save_log
+from vrchain.simulation.mission import MARKER, MissionRun, save_log
 from vrchain.simulation.simulator import Simulator
+from vrchain.simulation.task import SUCCESS_RANGE_M
 from vrchain.world import load_scene
 from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth

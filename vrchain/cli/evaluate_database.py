@@ -27,6 +27,9 @@ def homing_database(
         list[float] | None,
         typer.Option(metavar="DEG", min=0, max=180, help="Deviation. Give one for each; 0."),
     ] = None,
+    position_error: Annotated[
+        float, typer.Option(metavar="M", min=0, help="Deviation of the database's positions.")
+    ] = 0.0,
     seed: Annotated[int, typer.Option(min=0, help="Of homes, tilts and compass errors.")] = 3000,
     as_json: Json = False,
 ) -> None:
@@ -44,4 +47,4 @@ def homing_database(
         read_database(folder), seed=seed, most_pairs=pairs, spacing_m=spacing,
         tilts_deg=tilt or (0.0,), compass_errors_deg=compass_error or (0.0,), **asked,
     )  # fmt: skip
-    tell(experiment.summarise(found, spacing), as_json, experiment.as_table)
+    tell(experiment.summarise(found, spacing, position_error), as_json, experiment.as_table)

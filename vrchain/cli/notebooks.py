@@ -65,7 +65,28 @@ def execute(notebook: Path, folder: Path, results: Results) -> Path:
     executed = folder / notebook.name
     template = ["--template=offline", f"--TemplateExporter.extra_template_basedirs={_TEMPLATES}"]
     _convert([executed, "--to", "html", *template, *into], notebook, environment)
+    page = executed.with_suffix(".html")
+    page.write_text(linked(page.read_text(encoding="utf-8"), folder), encoding="utf-8")
     return executed
+
+
+def linked(page: str, folder: Path) -> str:
+    """A page in ``folder`` whose links lead on from there.
+
+    Links to a notebook lead to its page, those to other files of the project to where these are.
+    What is not there, as the documents beside an installed wheel, is no link.
+    """
+
+    def there(link: re.Match[str]) -> str:
+        path, mark, anchor = link[1].partition("#")
+        target = (NOTEBOOKS / path).resolve()
+        if not target.exists():
+            return "<a>"
+        if target.parent == NOTEBOOKS.resolve() and target.suffix == ".ipynb":
+            return f'<a href="{target.stem}.html{mark}{anchor}">'
+        return f'<a href="{os.path.relpath(target, folder.resolve())}{mark}{anchor}">'
+
+    return re.sub(r'<a href="([^"#:][^":]*)">', there, page)
 
 
 def _convert(arguments: Sequence[str | Path], notebook: Path, environment: dict[str, str]) -> None:

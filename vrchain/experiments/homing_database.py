@@ -207,25 +207,32 @@ def _with_returns(rows: pd.DataFrame, spacing_m: float | None) -> pd.DataFrame:
 
 
 def summarise(
-    found: pd.DataFrame, spacing_m: tuple[float, float] = SPACING_M
+    found: pd.DataFrame,
+    spacing_m: tuple[float, float] = SPACING_M,
+    position_error_m: float = 0.0,
 ) -> dict[str, dict[str, object]]:
     """The figures of each row's name; 95 % intervals under NAME_ci by bootstrap over homes.
 
     n_pairs; answered; median_deg, of answers; angular_error_deg, no answer counted as 90; the same
     within bands of the distance; within_1_std, within_2_std: shares of answers whose error is up to
     so many of the deviations stated; sure_wrong, answers more than 45 degrees off with a deviation
-    below 20; false_arrivals; return_ratio.
+    below 20; false_arrivals; return_ratio. position_error_m: the deviation of each coordinate in
+    the database; what that puts the true direction off is added to the deviations stated.
     """
     edges_m = np.linspace(*spacing_m, BANDS + 1)
     return {
-        str(method): _summary(own, edges_m) for method, own in found.groupby("method", sort=False)
+        str(method): _summary(own, edges_m, position_error_m)
+        for method, own in found.groupby("method", sort=False)
     }
 
 
-def _summary(own: pd.DataFrame, edges_m: NDArray[np.float64]) -> dict[str, object]:
+def _summary(
+    own: pd.DataFrame, edges_m: NDArray[np.float64], position_error_m: float
+) -> dict[str, object]:
     told = Bootstrap(own.home, "homing database")
     answers = own[own.answered]
     std_deg = np.degrees(answers.std_rad)
+    with_truth_deg = np.hypot(std_deg, np.degrees(np.sqrt(2) * position_error_m / answers.range_m))
     banded = own.error_deg.groupby(np.searchsorted(edges_m[1:-1], own.range_m)).mean()
     back = own.returned.dropna()
     return {
@@ -237,8 +244,8 @@ def _summary(own: pd.DataFrame, edges_m: NDArray[np.float64]) -> dict[str, objec
             f"error_{low:.2g}_{high:.2g}_m_deg": or_none(banded.get(k, np.nan))
             for k, (low, high) in enumerate(pairwise(edges_m))
         },
-        "within_1_std": or_none((answers.error_deg <= 1 * std_deg).mean()),
-        "within_2_std": or_none((answers.error_deg <= 2 * std_deg).mean()),
+        "within_1_std": or_none((answers.error_deg <= 1 * with_truth_deg).mean()),
+        "within_2_std": or_none((answers.error_deg <= 2 * with_truth_deg).mean()),
         "sure_wrong": int(((answers.error_deg > WRONG_DEG) & (std_deg < SURE_DEG)).sum()),
         "false_arrivals": int((own.arrived & (own.range_m > RETURNED_M)).sum()),
         "return_ratio": float(back.astype(float).mean()) if len(back) else None,

@@ -2,7 +2,8 @@
 
 Poses that two matches determine, and a grid of all, are weighed roughly; the likeliest are led to
 their peaks, upright and tilted. Peaks with their evidence, and the grid, which also holds what
-sizes alone say, are one distribution. Its mean error, wherever home is said to lie, is known.
+sizes alone say, are one distribution. Its mean error, wherever home is said to lie, is known. That
+all matches are wrong, and nothing follows, is as likely as evidence of 0 says.
 """
 
 from dataclasses import dataclass
@@ -25,21 +26,37 @@ _ROUGH_RAD = 0.02  # how near the constraint matches lie for a pose yet to be le
 _LED, _APART_RAD = 40, 0.06  # poses led to their peaks, and how far apart
 _SAME_RAD = 0.02  # peaks that are one
 _ALONE = 0.99  # share of a peak beside which no other counts
+_ANY_RAD = np.pi / np.sqrt(3)  # root mean square of an error that may be any
+_BY_GRID_RAD = 0.25  # what a direction is off besides that the grid knows, and no peak
+_SURE = 50.0  # evidence beyond which no number differs
 
 
 @dataclass(frozen=True, eq=False)
 class Belief:
-    """chance: (720,) of directions from -pi on. peaks: the likeliest first; share (k,) of each."""
+    """chance: (720,) of directions from -pi on. peaks: the likeliest first; share (k,) of each.
+
+    nothing: chance that all matches are wrong; the others are for that they are not.
+    """
 
     chance: Array
     peaks: Peaks
     share: Array
+    nothing: float
 
     def best(self) -> tuple[float, float, float]:
-        """The direction of least mean error, the root mean square of its error, and the mean."""
+        """The direction of least mean error, the root mean square of its error, and the mean.
+
+        The mean is for that not all matches are wrong.
+        """
+        direction, std_rad, mean_rad = self._best()
+        known = std_rad**2 + (1 - self.share.sum()) * _BY_GRID_RAD**2
+        square = (1 - self.nothing) * known + self.nothing * _ANY_RAD**2
+        return float(wrap_angle_rad(direction)), float(np.sqrt(square)), mean_rad
+
+    def _best(self) -> tuple[float, float, float]:
         if self.share[0] > _ALONE:
-            direction, std_rad = float(self.peaks.poses[0, 0]), float(self.peaks.std_rad[0])
-            return float(wrap_angle_rad(direction)), std_rad, std_rad
+            std_rad = float(self.peaks.std_rad[0])
+            return float(self.peaks.poses[0, 0]), std_rad, std_rad
         apart = np.abs(wrap_angle_rad(_BEARING_RAD - _BEARING_RAD[0]))
         mean = np.fft.irfft(np.fft.rfft(self.chance) * np.fft.rfft(apart), n=_DIRECTIONS)
         k = int(mean.argmin())
@@ -48,19 +65,19 @@ class Belief:
         within = float(self.chance[near].sum())
         direction = _BEARING_RAD[k] + float(self.chance[near] @ off[near]) / max(within, 1e-12)
         off = wrap_angle_rad(_BEARING_RAD - direction)
-        std_rad = float(np.sqrt(self.chance @ off**2))
-        return float(wrap_angle_rad(direction)), std_rad, float(mean[k])
+        return float(direction), float(np.sqrt(self.chance @ off**2)), float(mean[k])
 
 
 def likeliest(likelihood: Likelihood, starts: Array) -> Peaks:
     """The peaks uphill of (k, 2) directions, upright and tilted, the likeliest first."""
     poses = np.zeros((len(starts), 6))
     poses[:, :2] = starts
+    near = likelihood.peaks(poses, tilted=False, exact=True)
     upright = likelihood.peaks(poses, tilted=False)
     tilted = likelihood.peaks(upright.poses, tilted=True)
-    both = Peaks(*(np.concatenate([u, t]) for u, t in
-                   zip(vars(upright).values(), vars(tilted).values(), strict=True)))  # fmt: skip
-    return both.take(np.argsort(-both.log_evidence, kind="stable"))
+    found = (vars(peaks).values() for peaks in (near, upright, tilted))
+    every = Peaks(*(np.concatenate(parts) for parts in zip(*found, strict=True)))
+    return every.take(np.argsort(-every.log_evidence, kind="stable"))
 
 
 def believe(likelihood: Likelihood, bearings_slopes: tuple[Array, Array, Array, Array]) -> Belief:
@@ -94,7 +111,8 @@ def of_peaks(peaks: Peaks, cells: Array | None = None) -> Belief:
         bump = np.exp(-(off**2) / 2)
         chance += weight * bump / bump.sum()
     total = float(chance.sum())
-    return Belief(chance / total, peaks, weights / total)
+    nothing = 1 / (1 + np.exp(min(top + np.log(total), _SURE)))
+    return Belief(chance / total, peaks, weights / total, float(nothing))
 
 
 def _apart(poses: Array, score: Array, most: int, apart_rad: float) -> Array:

@@ -28,6 +28,8 @@ _MOST = 250  # matches that are heard where few are clear
 _HALF = 0.5  # share of them that agree on a pose, to seek no other
 _AROUND = 24  # directions from which others are sought
 _SURE = 30.0  # log evidence of a pose that needs no rivals to be sought
+_SECTORS, _LEAST_SECTORS = 12, 4  # of the view, and in how many matches agree for all to be right
+_ONE_SIDE_RAD = 0.4  # deviation else: one thing may look like another one
 _CERTAIN, _CERTAIN_SHARE = 10.0, 0.9  # evidence of a pose, and its share, to be certain of it
 _LIKE_HOME = 0.1  # share of keypoints that clearly match at home
 _LOW_SLOPE = -0.12  # what is seen lower, from both places, is near and mostly ground
@@ -41,9 +43,9 @@ _LEAST_DEPTH_M = 8.0  # half of what is around is farther
 class Epipolar:
     """arrived_m: nearer than this, the robot is home. tolerance_rad, min_inliers: as ``estimate``.
 
-    only_sure: no answer unless one pose is nearly certain. most_error_rad: the mean error expected
-    up to which there is an answer else; even chances have a quarter turn. most_tilt_rad: cameras
-    tilted farther are not believed. compass_std_rad: of the compass, if there is one.
+    only_sure: no answer unless many matches agree, which is soon known. most_error_rad: the mean
+    error expected up to which there is an answer else; even chances have a quarter turn.
+    most_tilt_rad: cameras tilted farther are not believed. compass_std_rad: of the compass, if any.
     camera_std_rad: what lenses and the joining of views add to a direction's deviation.
     """
 
@@ -60,7 +62,7 @@ class Epipolar:
         """One step; None when the two views share too little, or are tilted too far."""
         compass = None if heading_rad is None else Compass(heading_rad, self.compass_std_rad)
         found = self._clear(views, compass)
-        return self._doubtful(views, compass) if found is None else found
+        return found if found is not None or self.only_sure else self._doubtful(views, compass)
 
     def _clear(self, views: Views, compass: Compass | None) -> HomeVector | None:
         """The answer where many matches agree."""
@@ -76,7 +78,8 @@ class Epipolar:
         likelihood = _likelihood(now, then, np.full(len(now), _CLEAR_CHANCE), compass)
         belief = of_peaks(likeliest(likelihood, starts))
         agree = likelihood.agreeing(belief.peaks.poses[0], 2 * self.tolerance_rad)
-        if belief.peaks.log_evidence[0] < _SURE or agree.mean() < _HALF:
+        spread = _around(now.bearing_rad[agree])
+        if belief.peaks.log_evidence[0] < _SURE or agree.mean() < _HALF or not spread:
             return None
         return self._answer(views, likelihood, belief.peaks, belief.best()[:2], True)
 
@@ -93,7 +96,7 @@ class Epipolar:
         direction, std_rad, error_rad = belief.best()
         sure = belief.share[0] > _CERTAIN_SHARE and belief.peaks.log_evidence[0] > _CERTAIN
         found = self._answer(views, likelihood, belief.peaks, (direction, std_rad), sure)
-        if found is None or (self.only_sure and not sure):
+        if found is None:
             return None
         return found if found.arrived or error_rad <= self.most_error_rad else None
 
@@ -106,12 +109,13 @@ class Epipolar:
         sure: bool,
     ) -> HomeVector | None:
         """The direction and deviation found, with the distance by the likeliest pose."""
-        told = found[0], float(np.hypot(found[1], self.camera_std_rad))
         if peaks.tilt_rad[0] > self.most_tilt_rad:
             return None
         pose = peaks.poses[0]
         agree = likelihood.agreeing(pose, 2 * self.tolerance_rad)
         a, b = (rays[agree] for rays in likelihood.upright(pose))
+        besides_rad = 0.0 if _around(np.arctan2(a[:, 1], a[:, 0])) else _ONE_SIDE_RAD
+        told = found[0], float(np.hypot(found[1], self.camera_std_rad + besides_rad))
         sides = [
             (np.arctan2(r[:, 1], r[:, 0]) - angle, r[:, 2] / np.hypot(r[:, 0], r[:, 1]))
             for r, angle in ((a, pose[0]), (b, pose[1]))
@@ -127,7 +131,7 @@ class Epipolar:
             distance_m = max(views.home.camera_height_m * heights, _LEAST_DEPTH_M * parallax)
         fewer = min(len(views.current.features), len(views.home.features))
         alike = max(self.min_inliers, _LIKE_HOME * fewer) <= len(views.matched[0])
-        arrived = sure and alike and distance_m <= self.arrived_m
+        arrived = bool(sure and alike and distance_m <= self.arrived_m)
         return HomeVector(*told, int(agree.sum()), arrived, distance_m)
 
 
@@ -136,6 +140,11 @@ def _likelihood(
 ) -> Likelihood:
     growth = np.log(then.size_rad / now.size_rad)
     return Likelihood(_rays(now), _rays(then), growth, chance, compass)
+
+
+def _around(bearing_rad: Array) -> bool:
+    """Whether they are so many ways that they cannot all be of one thing."""
+    return len(np.unique(bearing_rad // (2 * np.pi / _SECTORS))) >= _LEAST_SECTORS
 
 
 def _rays(features: Features) -> Array:

@@ -53,8 +53,8 @@ def metadata_of(content: bytes, what: str) -> Metadata:
         return Metadata()
     told = _gpano(xmp if isinstance(xmp, bytes) else str(xmp).encode(), what)
     pose = {
-        f"{name.lower()}_deg": _number(told, f"Pose{name}Degrees", what)
-        for name in ("Heading", "Pitch", "Roll")
+        f"{name.lower()}_deg": _number(told, f"Pose{name}Degrees", what, most)
+        for name, most in (("Heading", 360.0), ("Pitch", 90.0), ("Roll", 180.0))
     }
     return Metadata(told.get("ProjectionType", ""), _field(told, what), **pose, **_position(gps))
 
@@ -77,15 +77,16 @@ def _gpano(xmp: bytes, what: str) -> dict[str, str]:
     return found
 
 
-def _number(told: Mapping[str, str], name: str, what: str) -> float | None:
+def _number(told: Mapping[str, str], name: str, what: str, most: float = math.inf) -> float | None:
     if name not in told:
         return None
     try:
         value = float(told[name])
     except ValueError:
         value = math.nan
-    if not math.isfinite(value):
-        raise ImageError(f"{what}: expected a number as GPano:{name}, got {told[name]!r}")
+    if not math.isfinite(value) or abs(value) > most:
+        limit = f" from -{most:g} to {most:g}" if math.isfinite(most) else ""
+        raise ImageError(f"{what}: expected a number{limit} as GPano:{name}, got {told[name]!r}")
     return value
 
 

@@ -26,14 +26,13 @@ from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import Task, draw_task, goal_pictures, scene_task
+from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, goal_pictures, scene_task
 from vrchain.simulation.team import assemble, drive_to_places, team_ledger
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 MARKER = "mission.json"
-SUCCESS_RANGE_M = 3.0
 
 
 @dataclass(frozen=True, eq=False)

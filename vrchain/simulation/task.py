@@ -19,11 +19,14 @@ from vrchain.landmarks.quality import co_visible
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
+from vrchain.simulation.collision_free import FreeSpace
 from vrchain.world.model import Scene, SceneObject
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 Points = NDArray[np.float64]
+SUCCESS_RANGE_M = 3.0  # from the goal's side
+SUCCESS_RANGE_M = 3.0  # from the goal's side
 SPACING_M = (5.0, 8.0)  # between neighbours of a chain
 GOAL_PICTURES = 4
 _CLEARANCE_M = 1.0
@@ -65,7 +68,8 @@ def draw_task(
 ) -> Task:
     """A chain of robots, neighbours 5-8 m apart, whose last one alone sees the goal.
 
-    ``robot`` stands at the other end, with not a pixel of the goal in view. Neighbours see a
+    All of them, and the goal, are in one room: the largest free region that holds a goal. ``robot``
+    stands at the other end, with not a pixel of the goal in view. Neighbours see a
     landmark in common. Of some such places the one is taken where the two ends have fewest in
     common, so that the chain is needed. MissionError if none is found, or if there is no such
     robot or goal.
@@ -129,8 +133,14 @@ def _tasks(
     """Tasks as ``draw_task`` describes them, with the landmarks that both ends see."""
     draws = generator(seed, "task")
     pictured: dict[int, list[Pose]] = {}
+    free = FreeSpace(scene, truth)
+    room, goals = free.room(scene, goals, SUCCESS_RANGE_M)
+    if not goals:
+        return
     for _ in range(_BATCHES):
         for target, chain in _hidden_goals(scene, truth, goals, len(names), draws):
+            if not free.is_in(room, chain).all():
+                continue
             if target not in pictured:
                 pictured[target] = goal_poses(scene, truth, target, seed)
             if len(pictured[target]) < GOAL_PICTURES:
@@ -141,7 +151,7 @@ def _tasks(
             if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
                 continue
             starts = _starts(scene, places, draws)
-            if len(starts) == len(names):
+            if len(starts) == len(names) and free.is_in(room, [s.xy_m for s in starts]).all():
                 stand, begin = (dict(zip(names, p, strict=True)) for p in (places, starts))
                 task = Task(stand, begin, scene.objects[target].name, tuple(pictured[target]))
                 yield len(co_visible(truth, places[0], places[-1], rig)), task

@@ -20,6 +20,7 @@ _SUN_CELL_M, _SKY_CELL_M = 0.25, 0.5
 _SUN_RADIUS_RAD, _SUN_RAYS = np.radians(1.2), 3  # wider than the true sun: shadows are softer
 _SKY = ((20.0, 8, 0.57), (52.0, 6, 0.39), (90.0, 1, 0.04))  # elevation, directions, solid angle
 _BOUNCE = 0.42  # of the sky's light, what gets even to where no sky is seen
+_ROOFED = 0.1  # of the sky's light, more than which gets to places in the open
 _LEAF_FACING = 0.7
 _FINE_M, _FINE_M2 = 2.2, 0.7  # faces with a longer edge and more area are cut
 _MOST_FACES = 2_000_000  # from which on none is cut
@@ -35,13 +36,17 @@ _COLOURS = {
 
 @dataclass(frozen=True, eq=False)
 class Light:
-    """A sun far away and an even sky. direction: (3,) unit vector towards the sun."""
+    """A sun far away and an even sky. direction: (3,) unit vector towards the sun.
+
+    least: the brightness of faces that the sky's light does not reach, for a world that has one.
+    """
 
     time: str
     direction: NDArray[np.float64]
     ambient: float
     sun_rgb: NDArray[np.float64]
     sky_rgb: NDArray[np.float64]
+    least: float = 0.0
 
     @property
     def veiled(self) -> bool:
@@ -65,6 +70,9 @@ class Light:
         from_sky = self.ambient * (0.92 + 0.08 * np.asarray(up))
         from_sky = from_sky * (_BOUNCE + (1 - _BOUNCE) * np.asarray(sky))
         colour = from_sun[..., None] * self.sun_rgb + from_sky[..., None] * self.sky_rgb
+        if self.least:
+            roofed = np.clip(2 - np.asarray(sky) / _ROOFED, 0, 1)
+            colour = np.maximum(colour, self.least * roofed[..., None])
         return np.clip(colour, 0, 1).astype(np.float32)
 
 

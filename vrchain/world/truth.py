@@ -4,6 +4,7 @@ The simulation, training, quality, experiments and the workbench may ask, a robo
 tests/test_architecture.py holds that.
 """
 
+import os
 import sys
 from collections.abc import Mapping
 from itertools import product
@@ -30,7 +31,11 @@ _MOST_LAYERS = 32  # the next cut-out that a ray meets stops it, whatever its te
 
 
 def _open3d() -> Any:
-    """Open3D without what it learns with, which would load scikit-learn: a second and more."""
+    """Open3D without what it learns with, which would load scikit-learn: a second and more.
+
+    And without its viewer for notebooks, which prints that it is there.
+    """
+    os.environ.setdefault("OPEN3D_DISABLE_WEB_VISUALIZER", "true")
     unloaded = ModuleType("open3d.ml")
     sys.modules.setdefault(unloaded.__name__, unloaded)
     import open3d

@@ -47,6 +47,13 @@ def test_figures_are_what_the_definitions_say() -> None:
         assert 0 <= low <= found[name] <= high <= 1
 
 
+def test_of_a_pair_without_a_sure_claim_the_surest_counts() -> None:
+    """And that alone, if it is sure enough."""
+    found = summarise(CLAIMS, PAIRS.assign(claimed=0.82, surest=0.55))["sift"]
+    assert found["claims_per_pair"] == 3 / 4  # 0.9, 0.6 and 0.85: not 0.8, nor 0.3
+    assert found["precision"] == pytest.approx(1 / 3)
+
+
 def test_a_survey_is_summarised_by_the_same_definitions() -> None:
     """Its pairs without a claim have a row of their own, as in one scene's table."""
     silent = pd.DataFrame([{"suburb": 1, "pair": 1}])

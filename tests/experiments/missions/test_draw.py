@@ -58,7 +58,7 @@ def test_a_place_is_out_of_sight_of_all_that_the_start_sees(ground: Ground) -> N
     drawn = ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
     assert drawn == ground.draw(5, 0, 1, 4, to_places=True, landmarks=1)
     assert drawn.goal == PLACE and len(drawn.goal_poses) == 1
-    places = {tuple(stand) for stand in ground.places(5, 0)[0]}
+    places = {tuple(stand) for stand in ground.places(5, 0, ground.room()[0])[0]}
     assert {astuple(p) for p in (*drawn.poses.values(), *drawn.goal_poses)} <= places
     start, (place,) = drawn.poses["R1"], drawn.goal_poses
     assert not co_visible(ground.truth, start, place, RIG)
@@ -133,7 +133,10 @@ class Made:
         # nobody looks from these: where a robot stands is no more than its number
         self.poses = {name: Pose(float(k), 0.0) for k, name in enumerate(self.names)}
         last = self.poses[self.names[-1]]
-        truth = SimpleNamespace(sees=lambda target, pose, rig: pose == last)
+        truth = SimpleNamespace(
+            sees=lambda target, pose, rig: pose == last,
+            cast=lambda origins_m, directions: (None, np.full(len(origins_m), np.inf)),
+        )
         monkeypatch.setattr(chain_search, "shared", self._shared)
         monkeypatch.setattr(Chains, "_visible", self._visible)
         self.truth = cast(GroundTruth, truth)

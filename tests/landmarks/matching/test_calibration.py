@@ -44,13 +44,24 @@ def test_what_is_always_right_stays_finite() -> None:
     assert np.isfinite(score).all() and (score > 0.8).all()
 
 
+def test_products_tell_what_no_sign_tells_alone() -> None:
+    """Right where two signs agree: by themselves, each is even."""
+    signs = np.random.default_rng(2).normal(size=(2, 2_000, 3))
+    rightly = signs[..., 0] * signs[..., 1] > 0
+    plain, both = (fit(signs[0], rightly[0], products=p) for p in (False, True))
+    found_plain, found = (((m.probability(signs[1]) > 0.5) == rightly[1]) for m in (plain, both))
+    assert found_plain.mean() < 0.6 and found.mean() > 0.95
+    far = both.log_odds(np.array([[1e6, -1e6, 0.0]]))  # taken as far, not as farther
+    assert np.isfinite(far).all() and abs(far[0]) < 100
+
+
 def test_written_and_read_again(tmp_path: Path) -> None:
     features, right, _ = drawn(500, 0)
-    known = Calibration(12.0, 0.7, {"cnn": Worth(*[fit(features, right)] * 4)})
+    known = Calibration(12.0, 0.7, {"cnn": Worth(*[fit(features, right, products=True)] * 5)})
     (tmp_path / "w.json").write_text(json.dumps({"calibration": to_json(known)}))
     again = load_calibration(tmp_path / "w.pt")
     assert (again.alike_scale, again.alike_even) == (12.0, 0.7)
-    for what in ("poses", "claims", "joined", "groups"):
+    for what in ("poses", "claims", "joined", "settled", "groups"):
         before, after = (getattr(c.of("cnn"), what).probability(features) for c in (known, again))
         assert (before == after).all()
     with pytest.raises(LearnedError, match=r"'sift'.*there is cnn"):

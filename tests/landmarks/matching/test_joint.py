@@ -91,6 +91,33 @@ def test_two_robots_agree_on_what_they_see_and_where_they_stand(
     assert verdicts[0].right
 
 
+def test_what_no_camera_saw_is_never_claimed() -> None:
+    """Two cameras that look ahead, or ahead and back, each robot's facing its own way."""
+    (a, b), panoramas = pair()
+    cameras = ((0, 1), (5, 6)), ((2, 6), (0, 4))
+    looks = [[holed(p, views) for p, views in zip(panoramas, own, strict=True)] for own in cameras]
+    claimed = []
+    for one, _ in looks:
+        for _, other in looks:
+            found = compare_joint(one, other)
+            verdicts = judge(
+                found, GroundTruth(suburb()), (a, b), (one.features, other.features), RIG
+            )
+            assert all(v.right for v in verdicts)
+            claimed.append(len(found.common))
+            if found.relative_pose is not None:
+                off = found.relative_pose.direction_rad - a.bearing_to_rad(b.xy_m)
+                assert abs(wrap_angle_rad(off)) < np.radians(15)
+    assert claimed[0] and claimed[3]
+
+
+def holed(panorama: Panorama, views: tuple[int, ...]) -> LandmarkRecord:
+    """Only what some views see; the others are black, and masked."""
+    seen = np.zeros(panorama.views.shape[:3], bool)
+    seen[list(views)] = True
+    return examine(Panorama(RIG, panorama.views * seen[..., None], seen))
+
+
 def test_panoramas_that_were_hardly_joined_rightly_have_nothing_in_common() -> None:
     sure, unsure = (compare_joint(*records(), JointConfig(min_joined=p)) for p in (0.3, 1.0))
     assert sure.common and not unsure.common

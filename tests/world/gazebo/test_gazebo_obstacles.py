@@ -8,11 +8,13 @@ import pytest
 from gazebo_files import CUBE, load, mesh, model, visual
 from gazebo_files import no_folders as no_folders
 
-from vrchain.experiments.missions.collision_free import FreeSpace
+from vrchain.errors import SpecError
 from vrchain.geometry import Pose
+from vrchain.simulation.collision_free import FreeSpace
 from vrchain.simulation.simulator import Simulator
 from vrchain.world import Scene
 from vrchain.world.gazebo import obstacles
+from vrchain.world.truth import GroundTruth
 
 Box = tuple[tuple[float, float, float], tuple[float, float, float]]  # lowest and highest corner
 WALLS: list[Box] = [
@@ -139,3 +141,56 @@ def test_what_has_too_many_faces_is_its_hull(
     monkeypatch.setattr(obstacles, "_MOST_FACES", 30)
     scene = placed(tmp_path, boxes(*WALLS, *DOOR))
     assert free(scene, (0, 0), OUTSIDE) == [False, True]
+
+
+ROOF: Box = ((-4, -4, 2.5), (4, 4, 2.6))
+
+
+@pytest.mark.parametrize("floored", ["within", "all over", "nowhere"])
+def test_missions_are_drawn_in_the_room_of_the_goal_where_a_floor_carries_robots(
+    tmp_path: Path, floored: str
+) -> None:
+    slab: list[Box] = [((-4, -4, -0.1), (4, 4, 0.0))] if floored == "within" else []
+    files = {"worlds/a.obj": boxes(*WALLS, *CLOSED, *slab)}
+    shelf = model(visual(gz.box("1 1 1"), "-2 0 0.5 0 0 0"), name="shelf")
+    far = model(CUBE, pose="12 0 0.5 0 0 0", name="far")
+    ground = gz.GROUND_MODEL if floored == "all over" else ""
+    scene = load(tmp_path, ground + model(visual(mesh("a.obj"))) + shelf + far, files)
+    space = FreeSpace(scene, GroundTruth(scene))
+    goals = [scene.index_of(name) for name in ("shelf", "far")]
+    places = [(2.0, 0.0), OUTSIDE]
+    room, near = space.room(scene, goals[:1], 1.0)
+    assert near == goals[:1] and space.is_in(room, places[:1]).all()
+    assert (space.region == room).sum() / 4 == pytest.approx(7 * 7 - 2 * 2, abs=8)
+    room, near = space.room(scene, goals, 1.0)
+    assert near == (goals[:1] if floored == "within" else goals[1:])
+    assert space.is_in(room, places).tolist() == [floored == "within", floored != "within"]
+    assert space.room(scene, [], 1.0)[0] == room
+    assert space.room(scene, goals, 0.01) == (-1, [])
+
+
+@pytest.mark.parametrize(
+    ("told", "least"),
+    [
+        ("<scene><ambient>0.5 0.6 0.7 1</ambient></scene>", 0.6),
+        ("<scene><ambient>0.9 0.9 0.9</ambient></scene>", 0.9),
+        ("<scene><ambient></ambient></scene>", 0.4),
+        ("", 0.4),
+        ('<light name="sun" type="directional"/>', 0.0),
+    ],
+)
+def test_under_a_roof_it_is_as_light_as_the_world_says(
+    tmp_path: Path, told: str, least: float
+) -> None:
+    files = {"worlds/a.obj": boxes(*WALLS, *CLOSED, ROOF)}
+    scene = load(tmp_path, gz.GROUND_MODEL + told + model(visual(mesh("a.obj"))), files)
+    assert scene.ground_light is not None
+    image = scene.ground_light.image.mean(axis=2) / 255
+    row, column = (n // 2 for n in image.shape)
+    assert image[row, column] == pytest.approx(max(least, 0.26), abs=0.03)
+    assert image[0, 0] > 0.8
+
+
+def test_an_ambient_light_of_no_numbers_is_told(tmp_path: Path) -> None:
+    with pytest.raises(SpecError, match="<ambient>: expected 3 finite numbers, got 'dim'"):
+        load(tmp_path, "<scene><ambient>dim</ambient></scene>" + model(CUBE))

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from vrchain.experiments.landmarks.precision import evaluate, from_score, row, summarise
+from vrchain.experiments.landmarks.precision import counted, evaluate, from_score, row, summarise
 from vrchain.experiments.scenes import Scenes, remembered
 from vrchain.experiments.workers import each
 from vrchain.landmarks.matching.variants import DEFAULT
@@ -63,7 +63,8 @@ def by_band(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
     rows: list[dict[str, object]] = []
     for key, own, drawn in _grouped(claims, pairs):
         (figures,) = summarise(own, drawn).values()
-        made = own[(own.score >= drawn.claimed.iloc[0]) & ~own.duplicate]
+        made = counted(own, drawn)
+        made = made[~made.duplicate]
         rows.append(
             {
                 **key,
@@ -96,8 +97,8 @@ def precision_recall(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
                 "recall": sums.shared.to_numpy() / max(1, drawn.co_visible.sum()),
             }
         )
-        counted = table.threshold >= drawn.claimed.iloc[0]
-        tables.append(table.assign(in_use=counted & ~counted.shift(-1, fill_value=False)))
+        counts = table.threshold >= drawn.claimed.iloc[0]
+        tables.append(table.assign(in_use=counts & ~counts.shift(-1, fill_value=False)))
     return pd.concat(tables, ignore_index=True)
 
 

@@ -92,9 +92,9 @@ def evaluate(
 
     Claims: suburb, pair, variant, score, right, shared (right, and the landmark co-visible), twin,
     duplicate, quality_m, support, object_a, object_b. Pairs: suburb, pair, variant, claimed (the
-    score from which a claim counts), spacing_m, co_visible, ms, direction_error_deg and
-    heading_error_deg (180: no answer). In a world that stays as it is, each pair has a suburb's
-    number of its own: intervals are over pairs there.
+    score from which a claim counts), surest (from which a pair's surest one does), spacing_m,
+    co_visible, ms, direction_error_deg and heading_error_deg (180: no answer). In a world
+    that stays as it is, each pair has a suburb's number of its own: intervals are over pairs there.
     """
     if n_pairs < 1 or not 0 < spacing_m[0] <= spacing_m[1] < np.inf:
         raise MissionError(
@@ -167,6 +167,7 @@ def _suburb(
                 {
                     **which,
                     "claimed": variant.claimed,
+                    "surest": variant.claimed if variant.surest is None else variant.surest,
                     "spacing_m": poses[0].distance_to_m(poses[1].xy_m),
                     "co_visible": len(shared),
                     "ms": ms,
@@ -218,14 +219,14 @@ def summarise(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, dict[str, 
 
 
 def _summary(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, object]:
-    score = float(pairs.claimed.iloc[0])
-    made = claims[(claims.score >= score) & ~claims.duplicate.astype(bool)]
+    counting = counted(claims, pairs)
+    made = counting[~counting.duplicate.astype(bool)]
     fair = pairs[pairs.co_visible > 0]
     found: dict[str, object] = {
         **_rates(made, pairs, Bootstrap(pairs.suburb, "landmarks")),
         "recall_at_precision": {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS},
         "twin_claims": int(made.twin.astype(bool).sum()),
-        "duplicates": int((claims.score >= score).sum() - len(made)),
+        "duplicates": len(counting) - len(made),
         "quality_m_mean": or_none(made.quality_m.mean()),
         "quality_m_median": or_none(made.quality_m.median()),
         "claims_per_pair": len(made) / len(pairs),
@@ -240,6 +241,13 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, object]:
         else None
     )
     return found
+
+
+def counted(claims: pd.DataFrame, pairs: pd.DataFrame) -> pd.DataFrame:
+    """The claims of one variant that it makes by its own thresholds."""
+    first = claims.score == claims.groupby(_KEY).score.transform("max")
+    least, surest = pairs[["claimed", "surest"]].iloc[0]
+    return claims[(claims.score >= least) | (first & (claims.score >= surest))]
 
 
 def _rates(made: pd.DataFrame, pairs: pd.DataFrame, told: Bootstrap) -> dict[str, object]:
@@ -279,8 +287,8 @@ def summarise_survey(claims: pd.DataFrame) -> dict[str, object]:
 
 def _recall_at(claims: pd.DataFrame, pairs: pd.DataFrame, precision: float) -> float | None:
     """The largest recall of any threshold at which the precision is reached; None: never."""
-    counted = from_score(claims)
-    held = counted[counted.right / counted.n >= precision]
+    sums = from_score(claims)
+    held = sums[sums.right / sums.n >= precision]
     return float(held.shared.max() / max(1, pairs.co_visible.sum())) if len(held) else None
 
 

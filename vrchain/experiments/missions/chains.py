@@ -14,10 +14,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from vrchain.experiments.missions.collision_free import Array, FreeSpace, Ints
 from vrchain.geometry import Pose
 from vrchain.landmarks.quality import Sights, shared
 from vrchain.panorama import CameraRig
+from vrchain.simulation.collision_free import Array, FreeSpace, Ints
 from vrchain.world.model import Scene
 from vrchain.world.truth import VISIBLE_AREA_DEG2, VISIBLE_AZIMUTH_DEG, GroundTruth
 
@@ -62,7 +62,7 @@ class Chains:
 
     def __init__(self, scene: Scene, truth: GroundTruth, rig: CameraRig) -> None:
         self.scene, self.truth, self.rig = scene, truth, rig
-        self.free = FreeSpace(scene)
+        self.free = FreeSpace(scene, truth)
         self._zones: dict[tuple[int, int], Ints] = {}
         self._from_near: dict[tuple[int, int], frozenset[int]] = {}
 

@@ -1,10 +1,11 @@
 """Missions at random, and the chains of landmarks that lead to their goals.
 
 Start, other robots and goal are uniform: robots in free space, the goal among the buildings without
-a twin, or, asked for places, in free space too. A draw is rejected if the shortest free way is not
-40 to 120 m long, if a pixel of the goal is in view at the start, or a landmark in view from the
-place that is the goal, or if the goal cannot be pictured unoccluded. Every third mission, or each
-if so asked, is drawn until its chain needs two landmarks or more. Robots face anywhere.
+a twin, or, asked for places, in free space too; all in the largest region that holds a goal. A draw
+is rejected if the shortest free way is not 40 to 120 m long, if a pixel of the goal is in view at
+the start, or a landmark in view from the place that is the goal, or if the goal cannot be pictured
+unoccluded. Every third mission, or each if so asked, is drawn until its chain needs two landmarks
+or more. Robots face anywhere.
 """
 
 from collections import Counter
@@ -16,12 +17,17 @@ import numpy as np
 
 from vrchain.errors import MissionError
 from vrchain.experiments.missions.chains import PLACE, Chains, TrueChain, Views
-from vrchain.experiments.missions.collision_free import Array
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
-from vrchain.simulation.mission import SUCCESS_RANGE_M
-from vrchain.simulation.task import GOAL_PICTURES, goal_ids, goal_poses, robot_names
+from vrchain.simulation.collision_free import Array
+from vrchain.simulation.task import (
+    GOAL_PICTURES,
+    SUCCESS_RANGE_M,
+    goal_ids,
+    goal_poses,
+    robot_names,
+)
 from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
 
@@ -72,7 +78,7 @@ class Ground:
         self.scene, self.truth, self.rig = scene, truth, rig or CameraRig()
         self.chains = Chains(scene, truth, self.rig)
         self.free = self.chains.free
-        self._places: dict[tuple[int, int], tuple[Array, Views]] = {}
+        self._places: dict[tuple[int, int, int], tuple[Array, Views]] = {}
         self._pictured = cache(lambda target, seed: goal_poses(scene, truth, target, seed))
 
     def draw(
@@ -90,15 +96,15 @@ class Ground:
         chains are rare, so where they are asked for all missions of a suburb are among the same
         ``_PLACES``, which are uniform as others are.
         """
-        places = self.places(seed, k) if landmarks else None
+        room, goals = self.room(to_places)
+        places = self.places(seed, k, room) if landmarks else None
         draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
         names = robot_names(n_robots)
-        goals = [] if to_places else goal_ids(self.scene, None)
         least = landmarks or (2 if number % 3 == 0 else 0)
         rejected: Counter[str] = Counter()
         most = _DRAWS_AMONG_PLACES if places else _DRAWS
         for _ in range(most):
-            found = self._draw(draws, names, goals, seed, number, least, places)
+            found = self._draw(draws, names, room, goals, seed, number, least, places)
             if isinstance(found, Mission):
                 return replace(found, rejected=dict(rejected))
             rejected[found] += 1
@@ -111,6 +117,7 @@ class Ground:
         self,
         draws: np.random.Generator,
         names: list[str],
+        room: int,
         goals: list[int],
         seed: int,
         number: int,
@@ -121,7 +128,7 @@ class Ground:
         target = int(draws.choice(goals)) if goals else None
         n = len(names) + (target is None)
         if places is None:
-            stands, views = self._stands(draws, n), Views(self.truth, self.rig, self.free)
+            stands, views = self._stands(draws, n, room), Views(self.truth, self.rig, self.free)
         else:
             stands, views = draws.choice(places[0], n, replace=False), places[1]
         xy_m = stands[:, :2]
@@ -156,14 +163,27 @@ class Ground:
             return "goal cannot be pictured"
         return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
 
-    def _stands(self, draws: np.random.Generator, n: int) -> Array:
-        """Free places and headings, (n, 3): metres and radians."""
-        points_m = self.free.points_m[draws.integers(len(self.free.points_m), size=n)]
+    def room(self, to_places: bool = False) -> tuple[int, list[int]]:
+        """The region that missions are drawn in, and its goals. MissionError if it has none."""
+        goals = [] if to_places else goal_ids(self.scene, None)
+        room, near = self.free.room(self.scene, goals, SUCCESS_RANGE_M)
+        if goals and not near:
+            raise MissionError(
+                f"no goal in {self.scene.name} is within {SUCCESS_RANGE_M:g} m of a place where a "
+                "robot fits: take another scene"
+            )
+        return room, near
+
+    def _stands(self, draws: np.random.Generator, n: int, room: int) -> Array:
+        """Free places of a region and headings, (n, 3): metres and radians."""
+        within_m = self.free.points_m[self.free.region == room]
+        points_m = within_m[draws.integers(len(within_m), size=n)]
         return np.column_stack([points_m, draws.uniform(-np.pi, np.pi, n)])
 
-    def places(self, seed: int, k: int) -> tuple[Array, Views]:
+    def places(self, seed: int, k: int, room: int) -> tuple[Array, Views]:
         """The stands of a suburb that missions with long chains are among."""
-        if (seed, k) not in self._places:
-            stands = self._stands(generator(seed, "places of missions", k), _PLACES)
-            self._places[seed, k] = stands, Views(self.truth, self.rig, self.free)
-        return self._places[seed, k]
+        key = seed, k, room
+        if key not in self._places:
+            stands = self._stands(generator(seed, "places of missions", k), _PLACES, room)
+            self._places[key] = stands, Views(self.truth, self.rig, self.free)
+        return self._places[key]

@@ -1,6 +1,7 @@
 """How likely a claim is right, and two panoramas joined rightly, learned from suburbs for choosing.
 
-Logistic regression on what speaks for a claim. The coefficients are shipped beside the weights.
+Logistic regression on what speaks for a claim, at the end on products of two signs as well. The
+coefficients are shipped beside the weights.
 """
 
 import json
@@ -18,12 +19,16 @@ from vrchain.landmarks.extraction.weights import SHIPPED
 
 Array = NDArray[np.float64]
 
-_PENALTY = 1e-4
+_PENALTY, _PENALTY_OF_PRODUCTS = 1e-4, 1e-2
+_USUAL = 3.0  # standard deviations, within which signs are taken before they are multiplied
 
 
 @dataclass(frozen=True, eq=False)
 class Logistic:
-    """mean, spread: (features,) of what was learned from; weight: (features,); bias."""
+    """mean, spread: (features,) of what was learned from; bias.
+
+    weight: (features,), or longer: then of ``with_products`` of them.
+    """
 
     mean: Array
     spread: Array
@@ -36,7 +41,17 @@ class Logistic:
 
     def log_odds(self, features: Array) -> Array:
         """The same as log-odds."""
-        return np.asarray((features - self.mean) / self.spread @ self.weight + self.bias)
+        signs = (features - self.mean) / self.spread
+        if len(self.weight) > len(self.mean):
+            signs = with_products(signs)
+        return np.asarray(signs @ self.weight + self.bias)
+
+
+def with_products(signs: Array) -> Array:
+    """Standardized signs (n, k) and the products of any two: (n, k + k (k + 1) / 2)."""
+    signs = signs.clip(-_USUAL, _USUAL)
+    i, j = np.triu_indices(signs.shape[1])
+    return np.column_stack([signs, signs[:, i] * signs[:, j]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +59,14 @@ class Worth:
     """How likely something is right, by what speaks for it, in one variant.
 
     poses: a relative pose, by the matches alone; claims: a joined pair of proposals; joined: the
-    pose once claims are made under it; groups: a group of keypoints that agree on it.
+    pose once claims are made under it; settled: a joined pair once its pose is kept; groups: a
+    group of keypoints that agree on it.
     """
 
     poses: Logistic
     claims: Logistic
     joined: Logistic
+    settled: Logistic
     groups: Logistic
 
 
@@ -76,16 +93,22 @@ class Calibration:
         return np.asarray(self.alike_scale * (cosine.astype(float) - self.alike_even))
 
 
-def fit(features: Array, right: NDArray[np.bool_]) -> Logistic:
-    """What explains best which claims, (n, features), were right, (n,)."""
+def fit(features: Array, right: NDArray[np.bool_], products: bool = False) -> Logistic:
+    """What explains best which claims, (n, features), were right, (n,).
+
+    products: by those of any two features too.
+    """
     mean, spread = features.mean(axis=0), np.maximum(features.std(axis=0), 1e-6)
     x, sign = (features - mean) / spread, np.where(right, 1.0, -1.0)
+    penalty = _PENALTY
+    if products:
+        x, penalty = with_products(x), _PENALTY_OF_PRODUCTS
 
     def loss(w: Array) -> tuple[float, Array]:
         margin = sign * (x @ w[:-1] + w[-1])
         pull = -sign / (1 + np.exp(margin.clip(-500, 500))) / len(x)
-        value = np.logaddexp(0, -margin).mean() + _PENALTY * (w[:-1] @ w[:-1])
-        return float(value), np.r_[x.T @ pull + 2 * _PENALTY * w[:-1], pull.sum()]
+        value = np.logaddexp(0, -margin).mean() + penalty * (w[:-1] @ w[:-1])
+        return float(value), np.r_[x.T @ pull + 2 * penalty * w[:-1], pull.sum()]
 
     found = minimize(loss, np.zeros(x.shape[1] + 1), jac=True, method="L-BFGS-B").x
     return Logistic(mean, spread, found[:-1], float(found[-1]))

@@ -28,9 +28,12 @@ Array = NDArray[np.float64]
 
 _SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
 CLAIM_SIGNS, GROUP_SIGNS = 16, 7  # numbers that speak for a joined pair, and for a group
+SETTLED_SIGNS = CLAIM_SIGNS + 17  # and for a joined pair under the pose that was chosen
 _GROUP_RAD, _LEAST = 0.08, 3  # keypoints that lie so near in both belong together; in a group
 _TOPS = -1.0, 3.0  # of groups, in camera heights above the cameras, between which they differ
 _LOWEST_TOP = -0.85  # of a group, in camera heights above the cameras: the ground is at -1
+_OFF = np.log(100.0)  # of a range from what the pose says, in logarithms, at most
+_TYPICAL_M = 20.0  # a distance that is not known
 _FARTHEST = 100.0  # in camera heights: what is farther, or nobody knows how far, is scenery
 
 
@@ -93,6 +96,57 @@ def claim_signs(
             np.full(len(pairs), likely),
         ]
     )
+
+
+def settled_signs(
+    a: LandmarkRecord, b: LandmarkRecord, found: Candidates, chosen: Sequence[int], chance: float
+) -> Array:
+    """What speaks for the chosen pairs once their pose is kept: (n, SETTLED_SIGNS).
+
+    chance: of the pose. Beside what spoke for them before: how large, far and high both proposals
+    are, by themselves and by the pose, and whether that is one thing.
+    """
+    index = found.pairs[list(chosen)].T
+    sides = list(zip((a.proposals, b.proposals), index, strict=True))
+    right, left, low, high = np.array([seen.box[k].T for seen, k in sides]).swapaxes(0, 1)
+    wide, tall = np.log(left - right), np.log(high - low)
+    far_m = np.array([seen.range_m[k] for seen, k in sides], dtype=float)
+    bearings = [seen.bearing_rad[k] for seen, k in sides]
+    off, parallax, baseline_m = np.zeros_like(far_m), np.zeros(far_m.shape[1]), np.nan
+    if found.geometry is not None:
+        baseline_m = found.geometry.baseline_heights * a.rig.camera_height_m
+        told_m = np.array([found.geometry.ranges(*pair) for pair in zip(*bearings, strict=True)])
+        with np.errstate(all="ignore"):
+            off = np.abs(np.log(told_m.reshape(-1, 2).T * baseline_m / far_m).clip(-_OFF, _OFF))
+        off = np.where(np.isfinite(off), off, 0.0)
+        parallax = np.abs(np.sin(bearings[0] - bearings[1] - found.geometry.heading_rad))
+    baseline_m = float(np.clip(np.nan_to_num(baseline_m, nan=_TYPICAL_M), 0.5, 100.0))
+    counts = [np.log(len(r.proposals)) for r in (a, b)]
+    return np.column_stack(
+        [
+            found.features[list(chosen)],
+            np.abs(np.diff(wide + np.log(far_m), axis=0)[0]),
+            np.abs(np.diff(tall + np.log(far_m), axis=0)[0]),
+            *off,
+            np.full(len(chosen), np.log(baseline_m)),
+            parallax,
+            np.log(far_m.min(axis=0)),
+            wide.min(axis=0),
+            wide.max(axis=0),
+            tall.min(axis=0),
+            np.full((len(chosen), 2), counts),
+            low.min(axis=0),
+            high.max(axis=0),
+            *(low * far_m / a.rig.camera_height_m),
+            np.full(len(chosen), log_odds_of(chance)),
+        ]
+    )
+
+
+def log_odds_of(chance: float) -> float:
+    """Of a probability, kept finite."""
+    sure = min(max(chance, 1e-4), 1 - 1e-4)
+    return float(np.log(sure / (1 - sure)))
 
 
 def distinct(
@@ -229,12 +283,10 @@ def grouped(
 
 def group_signs(groups: Sequence[Group], chance: float) -> Array:
     """What speaks for each (n, GROUP_SIGNS): sizes, width, range, top, the chance of the pose."""
-    sure = np.clip(chance, 1e-4, 1 - 1e-4)
     signs = [
         (np.log(len(g.keypoints[0])), np.log1p(g.known), np.log(g.wide_rad + 0.01),
          np.log(np.clip(np.nan_to_num(g.heights, nan=_FARTHEST), 0.5, _FARTHEST)),
-         g.top_heights, g.told,
-         np.log(sure / (1 - sure)))
+         g.top_heights, g.told, log_odds_of(chance))
         for g in groups
     ]  # fmt: skip
     return np.array(signs, dtype=float).reshape(len(groups), GROUP_SIGNS)

@@ -3,7 +3,7 @@
 Matched keypoints and spots speak for several relative poses (``poses``). Under each of the
 likeliest, proposals are joined by ``constellation``, and keypoints and spots are matched again
 inside joined proposals. The pose whose claims speak most is kept, if it is likely to be right. Each
-joined pair is a claim, scored by the probability that it is right; and so is each group of
+pair joined under it is a claim, scored by the probability that it is right; and so is each group of
 keypoints that agree on the pose where nothing was proposed.
 """
 
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from vrchain.errors import ImageError
 from vrchain.landmarks.extraction.record import LandmarkRecord, owners
 from vrchain.landmarks.extraction.sift import mutual_matches
-from vrchain.landmarks.matching.calibration import Calibration, load_calibration
+from vrchain.landmarks.matching.calibration import Calibration, Worth, load_calibration
 from vrchain.landmarks.matching.claims import (
     Candidates,
     claim_signs,
@@ -25,8 +25,9 @@ from vrchain.landmarks.matching.claims import (
     distinct,
     group_signs,
     grouped,
+    settled_signs,
 )
-from vrchain.landmarks.matching.common import Comparison
+from vrchain.landmarks.matching.common import CommonLandmark, Comparison
 from vrchain.landmarks.matching.constellation import (
     Constellation,
     by_appearance,
@@ -71,7 +72,8 @@ class JointConfig:
     spots: bool = True  # whether single spots do
     embedding: bool = True  # whether appearance does; without, by places alone
     geometry: bool = True  # whether places do; without, by appearance alone
-    min_score: float = 0.75  # claims less likely than this to be right are not made
+    min_score: float = 0.85  # claims less likely than this to be right are not made
+    min_surest: float = 0.6  # where there is none, the surest is made from this on
     min_joined: float = 0.5  # nor any of panoramas less likely than this to be joined rightly
 
     @property
@@ -123,15 +125,10 @@ def compare_joint(
     if not options:
         return Comparison((), None)
     best = options[0]
-    found, score, chance = best.found, best.score, best.chance
-    if chance < config.min_joined:
-        return Comparison((), found.geometry, chance)
-    chosen = [k for k in best.own if score[k] >= config.min_score]
-    made = claims_of(a, b, found, chosen, score)
-    groups = grouped(a, b, found, chosen)
-    sure = calibration.of(config.name).groups.probability(group_signs(groups, chance))
-    made += claims_of_groups(a, b, groups, sure, config.min_score)
-    return Comparison(tuple(sorted(made, key=lambda c: -c.score)), found.geometry, chance)
+    if best.chance < config.min_joined:
+        return Comparison((), best.found.geometry, best.chance)
+    made = claims_under(a, b, best, config, calibration.of(config.name))
+    return Comparison(tuple(made), best.found.geometry, best.chance)
 
 
 @dataclass(frozen=True, eq=False)
@@ -163,6 +160,32 @@ def judged(
     chances = worth.joined.probability(joined_signs(a, b, options, claimed))
     made = map(Judged, options, scores, owns, chances.tolist())
     return sorted(made, key=lambda one: -one.chance)
+
+
+def claims_under(
+    a: LandmarkRecord, b: LandmarkRecord, best: Judged, config: JointConfig, worth: Worth
+) -> list[CommonLandmark]:
+    """What is claimed under the pose that is kept, surest first."""
+    score = settled(a, b, best, worth)
+
+    def claimed(least: float) -> list[CommonLandmark]:
+        chosen = [k for k in best.own if score[k] >= least]
+        groups = grouped(a, b, best.found, chosen)
+        sure = worth.groups.probability(group_signs(groups, best.chance))
+        made = claims_of(a, b, best.found, chosen, score)
+        made += claims_of_groups(a, b, groups, sure, least)
+        return sorted(made, key=lambda claim: -claim.score)
+
+    return claimed(config.min_score) or claimed(min(config.min_surest, config.min_score))[:1]
+
+
+def settled(a: LandmarkRecord, b: LandmarkRecord, best: Judged, worth: Worth) -> Array:
+    """How likely each pair is right, (n,), now that its pose is kept; 0 of what is not distinct."""
+    score = np.zeros(len(best.score))
+    score[best.own] = worth.settled.probability(
+        settled_signs(a, b, best.found, best.own, best.chance)
+    )
+    return score
 
 
 def joined_signs(

@@ -20,6 +20,7 @@ Real = NDArray[np.floating]
 
 TILT_STD_RAD = np.radians(4.0)  # of each axis, expected where a camera is not upright
 _NARROWING_RAD = (0.03, 0.02, 0.012, 0.007, 0.004, 0.003, 0.003, 0.003)
+_EXACT_STEPS = 4  # of these, from poses that are nearly right
 NEAR_RAD = _NARROWING_RAD[-1]  # deviation of a right match from the constraint
 _WIDE_RAD, _WIDE_SHARE = 0.012, 0.3  # some right matches are less exact
 _ANYWHERE = 0.5  # density of a wrong match's distance from the constraint, 1/rad
@@ -91,13 +92,13 @@ class Likelihood:
         odds = np.concatenate([narrow._log_odds(narrow._seen(p, False), near_rad) for p in parts])
         return odds + self._expected(directions)
 
-    def peaks(self, starts: Array, tilted: bool) -> Peaks:
-        """The peaks that are uphill of poses (k, 6)."""
+    def peaks(self, starts: Array, tilted: bool, exact: bool = False) -> Peaks:
+        """The peaks that are uphill of poses (k, 6). exact: near them, if they are nearly right."""
         poses = starts.copy()
         n = 6 if tilted else 2
         pull = np.full(n, 1 / TILT_STD_RAD**2)
         pull[:2] = 1e-2
-        for near_rad in _NARROWING_RAD:
+        for near_rad in _NARROWING_RAD[-_EXACT_STEPS if exact else 0 :]:
             seen = self._seen(poses, tilted)
             gradient, curvature = self._descent(seen, poses, near_rad, n)
             gradient[:, 2:] += poses[:, 2:n] * pull[2:]
@@ -156,8 +157,7 @@ class Likelihood:
         nearer = np.log(np.maximum(seen.aside_b, _ALONG) / np.maximum(seen.aside_a, _ALONG))
         by_chance = _normal(self.growth, _SIZE_WRONG) + _SIZE_LEAST
         size = np.where(unclear, 1.0, _normal(self.growth - nearer, _SIZE_STD) / by_chance)
-        near = (1 - _WIDE_SHARE) * _normal(seen.off, near_rad)
-        near += _WIDE_SHARE * _normal(seen.off, max(near_rad, _WIDE_RAD))
+        near = np.add(*_exact_and_less(seen.off, near_rad))
         return np.asarray(np.where(seen.front, near / _ANYWHERE, 0.0) * size), size
 
     def _log_odds(self, seen: "_Seen", near_rad: float) -> Array:
@@ -167,9 +167,12 @@ class Likelihood:
         return np.asarray(_TEMPER * np.log(1 - self.chance + self.chance * odds).sum(axis=1))
 
     def _pulls(self, seen: "_Seen", near_rad: float) -> Array:
-        """How strongly each match counts, (k, m): more, the likelier it is right."""
+        """How strongly each match counts, (k, m): more, the likelier it is right, and exact."""
         placed = self.chance * self._odds(seen, near_rad)[0]
-        return np.asarray(_TEMPER * placed / (1 - self.chance + placed) / near_rad**2)
+        exact, less = _exact_and_less(seen.off, near_rad)
+        share = exact / np.maximum(exact + less, 1e-30)
+        weight = share / near_rad**2 + (1 - share) / max(near_rad, _WIDE_RAD) ** 2
+        return np.asarray(_TEMPER * placed / (1 - self.chance + placed) * weight)
 
     def _descent(self, seen: "_Seen", poses: Array, near_rad: float, n: int) -> tuple[Array, Array]:
         """Gradient (k, n) and curvature (k, n, n) of half the sum of squares of right matches."""
@@ -236,6 +239,12 @@ def _raised(rays: Real, tilt_rad: Real) -> Array:
 
 def _stack(*parts: Real) -> Array:
     return np.stack(np.broadcast_arrays(*parts), axis=-1)
+
+
+def _exact_and_less(off: Real, near_rad: float) -> tuple[Real, Real]:
+    """Densities of right matches so far from the constraint, those that are exact, and the rest."""
+    exact = (1 - _WIDE_SHARE) * _normal(off, near_rad)
+    return exact, _WIDE_SHARE * _normal(off, max(near_rad, _WIDE_RAD))
 
 
 def _normal(off: Real, std: float) -> Real:

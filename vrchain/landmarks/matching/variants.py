@@ -46,7 +46,8 @@ class Variant:
     maker: what its results depend on beside the code, as text: results that are kept are used again
     only where it is the same; of one plugged in, the digest of its module's file is put behind.
     claimed: the score from which its claims count where all are kept to see what other thresholds
-    would do. partial: it is the default with something left out, to compare with and not for use.
+    would do; surest: that from which a pair's surest one does, None: the same. partial: it is the
+    default with something left out, to compare with and not for use.
     """
 
     name: str
@@ -56,6 +57,7 @@ class Variant:
     maker: str = ""
     claimed: float = 0.5
     partial: bool = False
+    surest: float | None = None
 
 
 def sift(min_score: float = MatchConfig().min_score) -> Variant:
@@ -121,9 +123,9 @@ def _joint(name: str, config: JointConfig, weights: Path, min_score: float | Non
     if min_score is not None:
         config = replace(config, min_score=min_score)
     joining = partial(compare_joint, config=config, calibration=load_calibration(weights))
-    claimed, part = JointConfig().min_score, config.name != DEFAULT
-    maker, keypoints = maker_of(weights), attrgetter("features")
-    return Variant(name, _look_by(weights), joining, keypoints, maker, claimed, part)
+    usual, part = JointConfig(), config.name != DEFAULT
+    looks, keypoints, maker = _look_by(weights), attrgetter("features"), maker_of(weights)
+    return Variant(name, looks, joining, keypoints, maker, usual.min_score, part, usual.min_surest)
 
 
 def _plugged_in(name: str) -> Variant:

@@ -10,7 +10,7 @@ from vrchain.landmarks.matching import photos
 from vrchain.landmarks.matching.calibration import load_calibration
 from vrchain.landmarks.matching.claims import group_signs, grouped
 from vrchain.landmarks.matching.common import check_comparable
-from vrchain.landmarks.matching.joint import JointConfig, Judged, judged
+from vrchain.landmarks.matching.joint import JointConfig, Judged, claims_under, judged, settled
 from vrchain.landmarks.matching.photos import Described, PhotoConfig, agreeing, by_chance
 from vrchain.landmarks.matching.poses import matches_of
 from vrchain.panorama import Panorama
@@ -66,7 +66,7 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
         yield "answer", "nothing in common: matches and proposals speak for no relative pose"
         return
     best = options[0]
-    found, score = best.found, best.score
+    found, score = best.found, settled(a, b, best, worth)
     sure = [k for k in best.own if score[k] >= config.min_score]
     surest = f", the surest {score[best.own].max():.2f}" if len(best.own) else ""
     enough = f"reach {config.min_score}"
@@ -83,14 +83,15 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
             f"nothing in common: the likeliest pose is right by {best.chance:.2f} only, and must "
             f"be by {config.min_joined}: pictures taken nearer to each other have more matches",
         )
-    elif not len(sure) + good.sum():
+    elif not (made := claims_under(a, b, best, config, worth)):
         yield (
             "answer",
             f"nothing in common: the likeliest pose is right by {best.chance:.2f}, but what "
             "matches lies on the ground, or is scattered",
         )
     else:
-        yield "answer", f"{len(sure) + good.sum()} common landmarks"
+        count = "common landmarks" if len(made) > 1 else "common landmark"
+        yield "answer", f"{len(made)} {count}, the surest right by {made[0].score:.2f}"
 
 
 def _pose_told(option: Judged) -> str:

@@ -19,6 +19,7 @@ from vrchain.landmarks.matching.calibration import Calibration, Logistic, Worth,
 from vrchain.landmarks.matching.claims import (
     CLAIM_SIGNS,
     GROUP_SIGNS,
+    SETTLED_SIGNS,
     Candidates,
     claims_of,
     claims_of_groups,
@@ -26,6 +27,7 @@ from vrchain.landmarks.matching.claims import (
     group_signs,
     grouped,
     mask_of,
+    settled_signs,
 )
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
@@ -33,8 +35,10 @@ from vrchain.landmarks.matching.joint import (
     JOINED_SIGNS,
     JOINT,
     JointConfig,
+    Judged,
     candidates,
     joined_signs,
+    settled,
 )
 from vrchain.landmarks.matching.poses import SIGNS, PoseHypothesis, matches_of, pose_hypotheses
 from vrchain.landmarks.quality import POSE_RIGHT_DEG, Verdict, judge, pose_errors_deg
@@ -48,6 +52,7 @@ Array = NDArray[np.float64]
 
 _SPACING_M = (1.0, 50.0)
 _TRIES = 1000
+_N_SIGNS = len(SIGNS), CLAIM_SIGNS, JOINED_SIGNS, SETTLED_SIGNS, GROUP_SIGNS  # as in ``Worth``
 _SUREST, _MOSTLY = 5, 0.5  # claims, and the share of them that is right, without a pose to judge
 
 
@@ -56,7 +61,8 @@ class CalibrateConfig:
     """On what the answers are weighed."""
 
     seed: int = 1000  # model choice: 1,000..1,999
-    suburbs: int = 24
+    suburbs: int = 72
+    suburbs_of_parts: int = 24  # of these, for variants with something left out
     pairs: int = 8  # of each suburb, spacing log-uniform
 
 
@@ -97,31 +103,35 @@ class Asked:
 
 def calibrate(weights: Path, config: CalibrateConfig) -> Calibration:
     """The calibration of a weights file."""
-    asked: list[Asked] = []
-    firsts = []
+    seen: list[tuple[GroundTruth, list[tuple[Sight, Sight]]]] = []
     for k in tqdm(range(config.suburbs), desc="suburbs to weigh by", unit="", disable=None):
         scene = varied_suburb(config.seed, k)
         truth = GroundTruth(scene)
-        found = list(_sights(scene, truth, weights, config, k))
-        asked += [Asked(truth, a, b) for a, b in found]
-        firsts += [found[0][0], found[1][0]]
-    asked += [Asked(None, a, b) for a, b in zip(firsts[:-2], firsts[2:], strict=True)]
-    return weigh(asked)
+        seen.append((truth, list(_sights(scene, truth, weights, config, k))))
+    return weigh(_asked(seen), _asked(seen[: config.suburbs_of_parts]))
 
 
-def weigh(asked: list[Asked]) -> Calibration:
-    """The calibration by pairs of which the truth is known."""
+def _asked(seen: list[tuple[GroundTruth, list[tuple[Sight, Sight]]]]) -> list[Asked]:
+    """The pairs of suburbs, and some of two different ones."""
+    firsts = [found[k][0] for _, found in seen for k in (0, 1)]
+    known = [Asked(truth, a, b) for truth, found in seen for a, b in found]
+    return known + [Asked(None, a, b) for a, b in zip(firsts[:-2], firsts[2:], strict=True)]
+
+
+def weigh(asked: list[Asked], fewer: list[Asked]) -> Calibration:
+    """The calibration by pairs of known truth; fewer: for variants with something left out."""
     known = [(one.a, one.b) for one in asked if one.truth is not None]
     calibration = Calibration(*_worth_of_appearance(known))
     for joint in JOINT.values():
-        calibration.worth[joint.name] = _worth_of(joint, asked, calibration)
+        own = asked if joint == JointConfig() else fewer
+        calibration.worth[joint.name] = _worth_of(joint, own, calibration)
     return calibration
 
 
 def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) -> Worth:
     """How likely poses, claims and groups of one variant are right, one resting on the other."""
     bar = partial(tqdm, asked, unit="", disable=None)
-    worth = Worth(*[_even(n) for n in (len(SIGNS), CLAIM_SIGNS, JOINED_SIGNS, GROUP_SIGNS)])
+    worth = Worth(*[_even(n) for n in _N_SIGNS])
     if joint.verified and joint.geometry:
         posed = [
             (one, hypothesis)
@@ -161,32 +171,46 @@ def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) 
             for w, own in zip(of_pair, chosen, strict=True)
         ]
         unknown.append(joined_signs(a, b, found, [np.empty(0)] * len(found)))
-        made += list(zip(of_pair, scores, chosen, strict=True))
+        made.append(list(zip(of_pair, scores, chosen, strict=True)))
     # elsewhere the network may know little: without claims, matches have to do
     known_too = [*signs, *(unknown if joint.verified and joint.geometry else [])]
     both = rightly * (len(known_too) // len(signs))
     worth = replace(worth, joined=fit(np.concatenate(known_too), np.array(both)))
-    groups, right_groups = [], []
-    chances = worth.joined.probability(np.concatenate(signs))
-    for (w, score, own), chance in zip(made, chances, strict=True):
+    best: list[tuple[_Weighed, Judged]] = []
+    for judged, own_signs in zip(made, signs, strict=True):
+        chances = worth.joined.probability(own_signs)
+        w, score, own = judged[int(chances.argmax())]
+        best.append((w, Judged(w.found, score, own, float(chances.max()))))
+    labelled = [(w, one, w.distinct(one.score)) for w, one in best]
+    worth = replace(worth, settled=fit(
+        np.concatenate([w.signs_of(one, k) for w, one, k in labelled]),
+        np.concatenate([w.right[k] for w, _, k in labelled]),
+        products=True,
+    ))  # fmt: skip
+    return replace(worth, groups=_worth_of_groups(joint, worth, best))
+
+
+def _worth_of_groups(
+    joint: JointConfig, worth: Worth, best: list[tuple["_Weighed", Judged]]
+) -> Logistic:
+    """Also as if nothing were proposed: elsewhere the network may know little."""
+    signs, right = [], []
+    for w, one in best:
         a, b = w.asked.a.record, w.asked.b.record
-        if chance < joint.min_joined:
+        if one.chance < joint.min_joined:
             continue
-        sure = [k for k in own if score[k] >= joint.min_score]
-        for pairs in (
-            (sure, list[int]()) if sure else (sure,)
-        ):  # elsewhere the network may know little
+        score = settled(a, b, one, worth)
+        sure = [k for k in one.own if score[k] >= joint.min_score]
+        for pairs in (sure, list[int]()) if sure else (sure,):
             members = grouped(a, b, w.found, pairs)
             made_so_far = claims_of(a, b, w.found, pairs, score)
             claims = claims_of_groups(a, b, members, np.ones(len(members)), 0.0)
             verdicts = w.asked.verdicts([*made_so_far, *claims])
             told = verdicts[len(made_so_far) :] if verdicts else []
             new = np.array([not v.duplicate for v in told] or [True] * len(claims), dtype=bool)
-            groups.append(group_signs(members, float(chance))[new])
-            right_groups += [v.right for v in told if not v.duplicate] or [False] * int(new.sum())
-    if right_groups:
-        worth = replace(worth, groups=fit(np.concatenate(groups), np.array(right_groups)))
-    return worth
+            signs.append(group_signs(members, one.chance)[new])
+            right += [v.right for v in told if not v.duplicate] or [False] * int(new.sum())
+    return fit(np.concatenate(signs), np.array(right)) if right else _even(GROUP_SIGNS)
 
 
 def _even(n: int) -> Logistic:
@@ -216,6 +240,11 @@ class _Weighed:
     def mostly_right(self, own: list[int]) -> bool:
         """Of the surest claims, which take a pose's place where there is none to judge."""
         return bool(own) and bool(self.right[own[:_SUREST]].mean() > _MOSTLY)
+
+    def signs_of(self, one: Judged, chosen: NDArray[np.int64]) -> Array:
+        """What speaks for the chosen pairs under the pose that is kept."""
+        own = self.asked.a.record, self.asked.b.record
+        return settled_signs(*own, self.found, chosen.tolist(), one.chance)
 
     def distinct(self, score: Array) -> NDArray[np.int64]:
         """Those that are claimed, no two of the same objects."""

@@ -31,6 +31,7 @@ _UNSUPPORTED = {
     "sensor": "sensors", "projector": "projectors", "particle_emitter": "particle emitters",
     "experimental:params": "parameters of includes",
 }  # fmt: skip
+_AMBIENT = 0.4  # the specification's
 _Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
 
 
@@ -38,12 +39,15 @@ _Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
 class World:
     """What a file holds. sun: (3,) the way that its light goes; None if there is no sun.
 
+    ambient: the brightness of what no light falls on, 0..1; 0 in a world with a sun that does not
+    say it, as the sky's light reaches nearly all outdoors.
     ours: what a world of our own says of its season and light.
     """
 
     name: str
     models: tuple[Placed, ...]
     sun: Matrix | None
+    ambient: float
     ours: Element | None
 
 
@@ -80,10 +84,12 @@ class _Reader:
         for inside, kind in (("gui", "plugin"), ("scene", "fog")):
             for element in scope.all(inside):
                 self._unsupported(element, [kind])
+        sun = self._sun(lights)
         return World(
             scope.attributes.get("name", path.stem),
             tuple(_as_saved(models, scope, self._notes)),
-            self._sun(lights),
+            sun,
+            _ambient(scope.find("scene/ambient"), 0.0 if sun is not None else _AMBIENT),
             scope.find("vrchain:scene"),
         )
 
@@ -226,6 +232,14 @@ class _Reader:
             else:
                 self._notes.add(_UNSUPPORTED["light"], light.name)
         return sun
+
+
+def _ambient(given: Element | None, default: float) -> float:
+    """The mean of a colour of three or four numbers."""
+    if given is None or not given.text:
+        return default
+    rgb = given.numbers(min(max(len(given.text.split()), 3), 4))[:3]
+    return float(np.clip(rgb, 0, 1).mean())
 
 
 def _version(sdf: Element) -> tuple[int, ...]:

@@ -171,7 +171,7 @@ def _scene(
     extent_m = (float(2 * half[0]), float(2 * half[1]))
     _check_area(path, standing, float(np.hypot(*extent_m)))
     spec = _light(world.sun)
-    lit = light.sunlight(spec)
+    lit = replace(light.sunlight(spec), least=world.ambient)
     baked, ground_light = _baked(standing, lit, extent_m, floor_m)
     return Scene(
         world.name,

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from worlds import world
 
-from vrchain.experiments.missions.collision_free import FreeSpace, _steps_m
+from vrchain.simulation.collision_free import FreeSpace, _steps_m
 
 
 @pytest.fixture(scope="module")
