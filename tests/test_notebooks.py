@@ -99,7 +99,7 @@ def test_links_of_a_notebook_lead_on_in_the_folder_and_on_its_page(
 def test_links_of_a_page_that_lead_nowhere_or_elsewhere(tmp_path: Path) -> None:
     """To a file that is not there is no link; those into the page and out of it stay."""
     elsewhere = '<a href="#top"><a href="https://example.org/a.ipynb">'
-    assert linked(f'<a href="../docs/none.md">{elsewhere}', tmp_path) == f"<a>{elsewhere}"
+    assert linked(f'<a href="../none.md">{elsewhere}', tmp_path) == f"<a>{elsewhere}"
     page = linked('<a href="../docs/words.md#renamed">', tmp_path / "some")
     path = re.findall(r'<a href="(.*)#renamed">', page)[0]
     (tmp_path / "some").mkdir()

@@ -79,8 +79,9 @@ def test_a_robot_that_is_cut_off_reads_on_and_its_outbox_goes_out_once_and_in_or
             r1.wait(timeout_s=0.1)
         proxy.mend()
         r1.wait(timeout_s=PATIENCE_S)
+        eventually(lambda: (r1.refresh(), len(r1.history("R1")) == 33)[1])
         assert r1.history("R1")[2:] == [first, *sent]
-        assert r1.latest("R3") == other
+        eventually(lambda: (r1.refresh(), r1.latest("R3") == other)[1])
         assert maker.counts["appended"] == 32
 
 
