@@ -1,5 +1,7 @@
 """A hostile member and a dishonest maker on real servers: what stops each attack."""
 
+import re
+
 from clusters import skip_without_servers
 
 from vrchain.experiments.ledger.hostile import attacks
@@ -16,7 +18,8 @@ def test_every_attack_is_stopped_and_by_whom() -> None:
     assert len(refused) == 9
     said = dict(zip(table.attack, table.said, strict=True))
     assert "do not permit R1 to publish to block" in said["write a block itself"]
-    assert "let nobody in" in said["come in without a key"]
+    # a server that hangs up may be heard before what it says
+    assert re.search("let nobody in|no answer from", said["come in without a key"])
     assert "are full" in said["flood its own subject"]
     assert {name: by for name, by in stopped.items() if name not in refused} == {
         "come in without a key": "servers: key",
