@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sights import look
 
-from vrchain.experiments.homing_database import tilted
+from vrchain.experiments.landmarks.degradations import tilted
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.homing import HomeVector, Snapshot, snapshot, step
 from vrchain.panorama import CameraRig, Panorama

@@ -19,7 +19,6 @@ from dataclasses import replace
 from functools import cache, partial
 from itertools import pairwise
 
-import cv2
 import numpy as np
 import pandas as pd
 from numpy.typing import NDArray
@@ -28,9 +27,9 @@ from scipy.spatial import cKDTree
 from vrchain.errors import ImageError, MissionError
 from vrchain.experiments.homing import COMPASS, RETURNED_M, Free, Grid, judged, returned
 from vrchain.experiments.intervals import Bootstrap, or_none, table_of
+from vrchain.experiments.landmarks.degradations import tilted
 from vrchain.geometry import wrap_angle_rad
 from vrchain.homing import METHODS, Snapshot, Views, snapshot
-from vrchain.panorama import Panorama
 from vrchain.panorama.databases import DatabaseEntry, height_of, panorama_of
 from vrchain.seeding import generator
 
@@ -137,29 +136,6 @@ def _look(
         raise ImageError(f"{entries[k].file}: expected a panorama all around, got a view")
     axis_rad = generator(seed, "tilt", k).uniform(-np.pi, np.pi)
     return snapshot(tilted(panorama, np.radians(tilt_deg), axis_rad) if tilt_deg else panorama)
-
-
-def tilted(panorama: Panorama, tilt_rad: float, axis_rad: float) -> Panorama:
-    """What its cameras would see tilted about a horizontal axis, by the right hand's rule."""
-    axis = np.array([np.cos(axis_rad), np.sin(axis_rad), 0.0])
-    turn = cv2.Rodrigues(axis * tilt_rad)[0]
-    rig, views = panorama.rig, np.empty_like(panorama.views)
-    seen = None if panorama.seen is None else np.empty_like(panorama.seen)
-    for n, (view, rays) in enumerate(zip(views, rig.ray_directions(), strict=True)):
-        x, y, z = np.moveaxis(rays @ turn.T, -1, 0)
-        bearing, slope = np.arctan2(y, x), z / np.hypot(x, y)
-        owner = rig.view_of_bearing(bearing)
-        x_px, y_px = (p.astype(np.float32) for p in rig.project(owner, bearing, slope))
-        for k in np.unique(owner):
-            own = owner == k
-            drawn = cv2.remap(
-                panorama.views[k], x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
-            )
-            view[own] = drawn[own]
-            if seen is not None and panorama.seen is not None:
-                whole = panorama.seen[k].astype(np.uint8)
-                seen[n][own] = cv2.remap(whole, x_px, y_px, cv2.INTER_NEAREST)[own] > 0
-    return Panorama(rig, views, seen)
 
 
 def _from(

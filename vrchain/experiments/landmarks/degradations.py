@@ -64,6 +64,38 @@ def compressed(panorama: Panorama, draws: np.random.Generator) -> Panorama:
     return _each(panorama, lambda view: decode_image(codec.encode(view), "a view"))
 
 
+def tilted(panorama: Panorama, tilt_rad: float, axis_rad: float) -> Panorama:
+    """What its cameras would see tilted about a horizontal axis, by the right hand's rule."""
+    axis = np.array([np.cos(axis_rad), np.sin(axis_rad), 0.0])
+    turn = cv2.Rodrigues(axis * tilt_rad)[0]
+    rig, views = panorama.rig, np.empty_like(panorama.views)
+    seen = None if panorama.seen is None else np.empty_like(panorama.seen)
+    for n, (view, rays) in enumerate(zip(views, rig.ray_directions(), strict=True)):
+        x, y, z = np.moveaxis(rays @ turn.T, -1, 0)
+        bearing, slope = np.arctan2(y, x), z / np.hypot(x, y)
+        owner = rig.view_of_bearing(bearing)
+        x_px, y_px = (p.astype(np.float32) for p in rig.project(owner, bearing, slope))
+        for k in np.unique(owner):
+            own = owner == k
+            drawn = cv2.remap(
+                panorama.views[k], x_px, y_px, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+            )
+            view[own] = drawn[own]
+            if seen is not None and panorama.seen is not None:
+                whole = panorama.seen[k].astype(np.uint8)
+                seen[n][own] = cv2.remap(whole, x_px, y_px, cv2.INTER_NEAREST)[own] > 0
+    return Panorama(rig, views, seen)
+
+
+def tilted_by(degrees: float) -> Degradation:
+    """Tilted so far about a horizontal axis in some direction."""
+
+    def tilt(panorama: Panorama, draws: np.random.Generator) -> Panorama:
+        return tilted(panorama, np.radians(degrees), draws.uniform(-np.pi, np.pi))
+
+    return tilt
+
+
 def _each(panorama: Panorama, change: Callable[[Views], object]) -> Panorama:
     views = np.stack([np.asarray(change(view), dtype=np.uint8) for view in panorama.views])
     return replace(panorama, views=views)

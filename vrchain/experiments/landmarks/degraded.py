@@ -18,6 +18,7 @@ from vrchain.experiments.landmarks.degradations import (
     exposed,
     noisy,
     sunflare,
+    tilted_by,
 )
 from vrchain.experiments.landmarks.precision import AS_DRAWN, Second, evaluate, summarise
 from vrchain.experiments.scenes import Scenes, remembered
@@ -50,6 +51,7 @@ WAYS = (
             "twice the light": exposed(2.0),
             "sunflare": sunflare,
             "JPEG quality 20": compressed,
+            **{f"tilt {degrees:g} degrees": tilted_by(degrees) for degrees in (1.0, 2.0, 5.0)},
         }.items()
     ),
     Way("half resolution", both=at_half_resolution),
