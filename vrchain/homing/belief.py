@@ -12,18 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.landmarks.matching.epipolar import from_two
 from vrchain.landmarks.matching.tilted import Likelihood, Peaks
-from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
 
 _DIRECTIONS = 720
 _BEARING_RAD = (np.arange(_DIRECTIONS) + 0.5) * (2 * np.pi / _DIRECTIONS) - np.pi
-_GRID = 48  # directions, and as many headings
-_PAIRS = 800  # of matches, each with up to four poses
-_ROUGH_RAD = 0.02  # how near the constraint matches lie for a pose yet to be led to its peak
-_LED, _APART_RAD = 40, 0.06  # poses led to their peaks, and how far apart
+_LED = 40  # poses led to their peaks
+_NEAR_RAD = 0.06  # of the best direction: those that it is the mean of
 _SAME_RAD = 0.02  # peaks that are one
 _ALONE = 0.99  # share of a peak beside which no other counts
 _ANY_RAD = np.pi / np.sqrt(3)  # root mean square of an error that may be any
@@ -61,7 +57,7 @@ class Belief:
         mean = np.fft.irfft(np.fft.rfft(self.chance) * np.fft.rfft(apart), n=_DIRECTIONS)
         k = int(mean.argmin())
         off = wrap_angle_rad(_BEARING_RAD - _BEARING_RAD[k])
-        near = np.abs(off) < _APART_RAD
+        near = np.abs(off) < _NEAR_RAD
         within = float(self.chance[near].sum())
         direction = _BEARING_RAD[k] + float(self.chance[near] @ off[near]) / max(within, 1e-12)
         off = wrap_angle_rad(_BEARING_RAD - direction)
@@ -82,16 +78,8 @@ def likeliest(likelihood: Likelihood, starts: Array) -> Peaks:
 
 def believe(likelihood: Likelihood, bearings_slopes: tuple[Array, Array, Array, Array]) -> Belief:
     """The belief by a likelihood and the bearings and slopes of its matches, two or more."""
-    grid = np.arange(_GRID) * (2 * np.pi / _GRID)
-    every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
-    share = likelihood.chance / likelihood.chance.sum()
-    draws = generator(0, "pairs of matches", len(share))
-    pairs = draws.choice(len(share), (_PAIRS, 2), p=share)
-    pairs = pairs[pairs[:, 0] != pairs[:, 1]]
-    poses = np.concatenate([np.column_stack(from_two(bearings_slopes, pairs)), every])
-    rough = likelihood.coarse(poses, _ROUGH_RAD)
-    starts = _apart(poses, rough, _LED, _APART_RAD)
-    cells = rough[-len(every) :].reshape(_GRID, _GRID) + 2 * np.log(2 * np.pi / _GRID)
+    starts, cells = likelihood.starts(bearings_slopes, _LED)
+    cells = cells + 2 * np.log(2 * np.pi / len(cells))
     return of_peaks(likeliest(likelihood, starts), cells)
 
 
@@ -113,16 +101,6 @@ def of_peaks(peaks: Peaks, cells: Array | None = None) -> Belief:
     total = float(chance.sum())
     nothing = 1 / (1 + np.exp(min(top + np.log(total), _SURE)))
     return Belief(chance / total, peaks, weights / total, float(nothing))
-
-
-def _apart(poses: Array, score: Array, most: int, apart_rad: float) -> Array:
-    """The best poses, at most so many, none near a better one."""
-    left = poses[np.argsort(-score, kind="stable")]
-    kept: list[Array] = []
-    while len(left) and len(kept) < most:
-        kept.append(left[0])
-        left = left[np.abs(wrap_angle_rad(left - left[0])).max(axis=1) > apart_rad]
-    return np.array(kept)
 
 
 def _single(peaks: Peaks) -> Peaks:

@@ -139,20 +139,12 @@ def _likelihood(
     now: Features, then: Features, chance: Array, compass: Compass | None
 ) -> Likelihood:
     growth = np.log(then.size_rad / now.size_rad)
-    return Likelihood(_rays(now), _rays(then), growth, chance, compass)
+    return Likelihood(now.rays, then.rays, growth, chance, compass)
 
 
 def _around(bearing_rad: Array) -> bool:
     """Whether they are so many ways that they cannot all be of one thing."""
     return len(np.unique(bearing_rad // (2 * np.pi / _SECTORS))) >= _LEAST_SECTORS
-
-
-def _rays(features: Features) -> Array:
-    """Unit rays of keypoints, (m, 3)."""
-    rays = np.column_stack(
-        [np.cos(features.bearing_rad), np.sin(features.bearing_rad), features.slope]
-    )
-    return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
 
 
 def _distance_heights(da: Array, t_a: Array, db: Array, t_b: Array) -> float:

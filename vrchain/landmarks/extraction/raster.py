@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from vrchain.geometry import wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
 
 COLUMNS = 2160  # a full turn: 6 pixels a degree
@@ -75,3 +76,16 @@ def directions_of(
     """Bearing (rad) and slope of cells that are counted row by row, (n,) each."""
     row, column = np.divmod(cell, columns_of(rig) // CELL_PX)
     return cell_bearings_rad(rig)[column], cell_slopes()[row]
+
+
+def cells_at(
+    bearing_rad: NDArray[np.float64], slope: NDArray[np.float64], rig: CameraRig
+) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    """The cell in each direction, counted row by row, and whether there is one: (n,) each."""
+    rows, columns = ROWS // CELL_PX, columns_of(rig) // CELL_PX
+    from_left = rig.span_rad / 2 - wrap_angle_rad(bearing_rad)
+    column = np.floor(from_left / (rig.span_rad / columns)).astype(int) % columns
+    slopes = cell_slopes()
+    row = np.round((slopes[0] - slope) / (slopes[0] - slopes[1]))
+    inside = (row >= 0) & (row < rows)
+    return row.clip(0, rows - 1).astype(int) * columns + column, inside

@@ -21,8 +21,8 @@ from numpy.typing import ArrayLike, NDArray
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.proposer import KINDS, Proposals, propose
-from vrchain.landmarks.extraction.raster import CELL_PX, ROWS, cell_slopes, columns_of
-from vrchain.landmarks.extraction.sift import Features, extract
+from vrchain.landmarks.extraction.raster import CELL_PX, ROWS, cells_at, columns_of
+from vrchain.landmarks.extraction.sift import Directions, Features, extract
 from vrchain.landmarks.extraction.spots import (
     NO_SPOTS,
     Spots,
@@ -144,19 +144,12 @@ def examine_quickly(panorama: Panorama, weights: Path = SHIPPED) -> LandmarkReco
     return examine(panorama, weights, features=extract(panorama, shrink=2))
 
 
-def owners(record_rig: CameraRig, proposals: Proposals, features: Features) -> NDArray[np.int64]:
+def owners(rig: CameraRig, proposals: Proposals, seen: Directions) -> NDArray[np.int64]:
     """The proposal that each keypoint lies in, -1 for none: (n,)."""
-    columns = columns_of(record_rig) // CELL_PX
-    rows = ROWS // CELL_PX
-    grid = np.full(rows * columns, -1)
+    grid = np.full(ROWS // CELL_PX * (columns_of(rig) // CELL_PX), -1)
     grid[proposals.cell] = proposals.owner
-    step = record_rig.span_rad / columns
-    column = np.floor((record_rig.span_rad / 2 - wrap_angle_rad(features.bearing_rad)) / step)
-    slopes = cell_slopes()
-    row = np.round((slopes[0] - features.slope) / (slopes[0] - slopes[1]))
-    inside = (row >= 0) & (row < rows)
-    place = row.clip(0, rows - 1).astype(int) * columns + column.astype(int) % columns
-    return np.where(inside, grid[place], -1)
+    cell, inside = cells_at(seen.bearing_rad, seen.slope, rig)
+    return np.where(inside, grid[cell], -1)
 
 
 def _roots(descriptors: NDArray[np.uint8]) -> NDArray[np.uint8]:

@@ -60,6 +60,18 @@ class Directions:
         """(n, 2): bearing_rad and slope."""
         return np.column_stack([self.bearing_rad, self.slope])
 
+    @property
+    def rays(self) -> NDArray[np.float64]:
+        """(n, 3): unit vectors."""
+        x, y = np.cos(self.bearing_rad), np.sin(self.bearing_rad)
+        rays = np.column_stack([x, y, self.slope])
+        return np.asarray(rays / np.linalg.norm(rays, axis=1, keepdims=True))
+
+    def along(self, rays: NDArray[np.float64]) -> Self:
+        """The same, seen in other directions (n, 3)."""
+        x, y, z = rays.T
+        return replace(self, bearing_rad=np.arctan2(y, x), slope=z / np.hypot(x, y))
+
 
 @dataclass(frozen=True, eq=False)
 class Features(Directions):

@@ -22,18 +22,21 @@ from vrchain.landmarks.matching.common import (
 from vrchain.landmarks.matching.constellation import Constellation
 from vrchain.landmarks.matching.epipolar import PlanarGeometry, baseline_by_ground
 from vrchain.landmarks.matching.guided import Matched, keypoints_under
+from vrchain.landmarks.matching.poses import NO_RIVAL_RAD
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
 
 _SAME_BOX = 0.4  # intersection over union from which two claims are of one landmark
 CLAIM_SIGNS, GROUP_SIGNS = 16, 7  # numbers that speak for a joined pair, and for a group
+JOINED_SIGNS = 6  # and for a pose once claims are made under it
 SETTLED_SIGNS = CLAIM_SIGNS + 17  # and for a joined pair under the pose that was chosen
 _GROUP_RAD, _LEAST = 0.08, 3  # keypoints that lie so near in both belong together; in a group
 _TOPS = -1.0, 3.0  # of groups, in camera heights above the cameras, between which they differ
 _LOWEST_TOP = -0.85  # of a group, in camera heights above the cameras: the ground is at -1
 _OFF = np.log(100.0)  # of a range from what the pose says, in logarithms, at most
-_TYPICAL_M = 20.0  # a distance that is not known
+_TYPICAL_M, _TYPICAL_HEIGHTS = 20.0, 20.0  # a distance that is not known
+_HEARD = 0.3  # score from which claims are heard when the pose is judged
 _FARTHEST = 100.0  # in camera heights: what is farther, or nobody knows how far, is scenery
 
 
@@ -141,6 +144,44 @@ def settled_signs(
             np.full(len(chosen), log_odds_of(chance)),
         ]
     )
+
+
+def joined_signs(
+    a: LandmarkRecord, b: LandmarkRecord, options: Sequence[Candidates], scores: Sequence[Array]
+) -> Array:
+    """What speaks for each pose being right, once claims are made: (k, JOINED_SIGNS).
+
+    scores: of each pose's claims. Of panoramas that share nothing, chance mostly finds poses near
+    to each other; those would have more in common, so the distance counts too.
+    """
+    few = max(1, min(len(a.proposals), len(b.proposals)))
+    likely = np.array([found.pose_log_odds for found in options])
+    speaks = np.array([(score[score >= _HEARD] ** 2).sum() for score in scores])
+    heights = np.array([f.geometry.baseline_heights if f.geometry else np.nan for f in options])
+    heights = np.where(np.isfinite(heights), heights, _TYPICAL_HEIGHTS)
+    rivals = ~np.array([[_near(one, other) for other in options] for one in options])
+
+    def lead(values: Array) -> Array:
+        """Over the best of the other poses; infinite where there is none."""
+        return values - np.where(rivals, values[None], -np.inf).max(axis=1)
+
+    return np.column_stack(
+        [
+            likely,
+            np.log(speaks + 0.1),
+            np.log(speaks / few + 0.01),
+            np.log(heights.clip(0.5, 50.0)),
+            lead(likely).clip(-4, 4),
+            lead(np.log(speaks + 0.5)).clip(-2, 2),
+        ]
+    )
+
+
+def _near(one: Candidates, other: Candidates) -> bool:
+    """Whether two poses are nearly the same."""
+    if one.geometry is None or other.geometry is None:
+        return one is other
+    return one.geometry.near(other.geometry, NO_RIVAL_RAD)
 
 
 def log_odds_of(chance: float) -> float:

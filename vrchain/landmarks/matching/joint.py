@@ -7,7 +7,7 @@ pair joined under it is a claim, scored by the probability that it is right; and
 keypoints that agree on the pose where nothing was proposed.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -25,6 +25,7 @@ from vrchain.landmarks.matching.claims import (
     distinct,
     group_signs,
     grouped,
+    joined_signs,
     settled_signs,
 )
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison
@@ -43,6 +44,7 @@ from vrchain.landmarks.matching.guided import (
     keypoints_within,
     spots_within,
 )
+from vrchain.landmarks.matching.levelling import levelled
 from vrchain.landmarks.matching.poses import (
     NO_RIVAL_RAD,
     Matches,
@@ -53,15 +55,13 @@ from vrchain.landmarks.matching.poses import (
 from vrchain.panorama import CameraRig
 
 Array = NDArray[np.float64]
+Records = tuple[LandmarkRecord, LandmarkRecord]
 
 _RATIO = 0.85  # of the ratio test within a pair, where no pose is known
 _TOLERANCE_RAD = 0.008  # of spots under one relative pose
 _NO_SPOTS = 0.5  # how much it speaks against a pair that it shares no spot, in log-odds
 _POSES, _LESS_LIKELY = 3, 3.0  # relative poses whose claims are made; log-odds below the likeliest
 _NO_POSE = -8.0  # log-odds of a pose that no matches speak for; and of any, at most as far from 0
-_TYPICAL_HEIGHTS = 20.0  # a distance that is not known
-JOINED_SIGNS = 6  # numbers that speak for a pose once claims are made under it
-_HEARD = 0.3  # score from which claims are heard when the pose is judged
 
 
 @dataclass(frozen=True)
@@ -121,14 +121,21 @@ def compare_joint(
             raise ImageError(f"expected two landmark records of one {what}, got {one} and {other}")
     config = config or JointConfig()
     calibration = calibration or load_calibration()
-    options = judged(a, b, config, calibration)
+    matches = matched(a, b, config)
+    level = levelled(a, b, matches)
+    options = judged(level, matches, config, calibration)
     if not options:
         return Comparison((), None)
     best = options[0]
     if best.chance < config.min_joined:
         return Comparison((), best.found.geometry, best.chance)
-    made = claims_under(a, b, best, config, calibration.of(config.name))
+    made = claims_under(level, best, config, calibration.of(config.name), seen=(a, b))
     return Comparison(tuple(made), best.found.geometry, best.chance)
+
+
+def matched(a: LandmarkRecord, b: LandmarkRecord, config: JointConfig) -> Matches:
+    """What matches all over two panoramas, of what may take part."""
+    return matches_of(a, b, config.geometry and config.sift, config.geometry and config.spots)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,11 +152,11 @@ class Judged:
 
 
 def judged(
-    a: LandmarkRecord, b: LandmarkRecord, config: JointConfig, calibration: Calibration
+    level: Records, matches: Matches, config: JointConfig, calibration: Calibration
 ) -> list[Judged]:
     """What may be claimed under each likely pose, the likeliest first."""
-    worth = calibration.of(config.name)
-    options = list(candidates(a, b, config, calibration))
+    worth, (a, b) = calibration.of(config.name), level
+    options = list(candidates(a, b, matches, config, calibration))
     scores = [worth.claims.probability(found.features) for found in options]
     owns = [
         distinct(a, b, found.pairs, score) for found, score in zip(options, scores, strict=True)
@@ -163,17 +170,17 @@ def judged(
 
 
 def claims_under(
-    a: LandmarkRecord, b: LandmarkRecord, best: Judged, config: JointConfig, worth: Worth
+    level: Records, best: Judged, config: JointConfig, worth: Worth, seen: Records
 ) -> list[CommonLandmark]:
-    """What is claimed under the pose that is kept, surest first."""
-    score = settled(a, b, best, worth)
+    """What is claimed under the pose that is kept, surest first, where it was ``seen``."""
+    score = settled(*level, best, worth)
 
     def claimed(least: float) -> list[CommonLandmark]:
         chosen = [k for k in best.own if score[k] >= least]
-        groups = grouped(a, b, best.found, chosen)
+        groups = grouped(*level, best.found, chosen)
         sure = worth.groups.probability(group_signs(groups, best.chance))
-        made = claims_of(a, b, best.found, chosen, score)
-        made += claims_of_groups(a, b, groups, sure, least)
+        made = claims_of(*seen, best.found, chosen, score)
+        made += claims_of_groups(*seen, groups, sure, least)
         return sorted(made, key=lambda claim: -claim.score)
 
     return claimed(config.min_score) or claimed(min(config.min_surest, config.min_score))[:1]
@@ -188,58 +195,20 @@ def settled(a: LandmarkRecord, b: LandmarkRecord, best: Judged, worth: Worth) ->
     return score
 
 
-def joined_signs(
-    a: LandmarkRecord, b: LandmarkRecord, options: Sequence[Candidates], scores: Sequence[Array]
-) -> Array:
-    """What speaks for each pose being right, once claims are made: (k, JOINED_SIGNS).
-
-    scores: of each pose's claims. Of panoramas that share nothing, chance mostly finds poses near
-    to each other; those would have more in common, so the distance counts too.
-    """
-    few = max(1, min(len(a.proposals), len(b.proposals)))
-    likely = np.array([found.pose_log_odds for found in options])
-    speaks = np.array([(score[score >= _HEARD] ** 2).sum() for score in scores])
-    heights = np.array([f.geometry.baseline_heights if f.geometry else np.nan for f in options])
-    heights = np.where(np.isfinite(heights), heights, _TYPICAL_HEIGHTS)
-    rivals = ~np.array([[_near(one, other) for other in options] for one in options])
-
-    def lead(values: Array) -> Array:
-        """Over the best of the other poses; infinite where there is none."""
-        return values - np.where(rivals, values[None], -np.inf).max(axis=1)
-
-    return np.column_stack(
-        [
-            likely,
-            np.log(speaks + 0.1),
-            np.log(speaks / few + 0.01),
-            np.log(heights.clip(0.5, 50.0)),
-            lead(likely).clip(-4, 4),
-            lead(np.log(speaks + 0.5)).clip(-2, 2),
-        ]
-    )
-
-
-def _near(one: Candidates, other: Candidates) -> bool:
-    """Whether two poses are nearly the same."""
-    if one.geometry is None or other.geometry is None:
-        return one is other
-    return one.geometry.near(other.geometry, NO_RIVAL_RAD)
-
-
 def candidates(
-    a: LandmarkRecord, b: LandmarkRecord, config: JointConfig, calibration: Calibration
+    a: LandmarkRecord,
+    b: LandmarkRecord,
+    matches: Matches,
+    config: JointConfig,
+    calibration: Calibration,
 ) -> Iterator[Candidates]:
     """What may be claimed of two panoramas, before it is scored, under each likely pose."""
     appearance = np.zeros((len(a.proposals), len(b.proposals)))
     if config.embedding:
         appearance = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
     if not config.geometry:
-        joined = by_appearance(appearance)
-        yield _candidates(
-            a, b, config, joined, None, matches_of(a, b, sift=False, spots=False), 0.0
-        )
+        yield _candidates(a, b, config, by_appearance(appearance), None, matches, 0.0)
         return
-    matches = matches_of(a, b, config.sift, config.spots)
     posed = pose_hypotheses(a, b, matches) if config.verified else []
     own = a.proposals, b.proposals, appearance
     if not posed:

@@ -79,6 +79,11 @@ def matches_of(a: LandmarkRecord, b: LandmarkRecord, sift: bool, spots: bool) ->
     return Matches((index_a, index_b), ratios, in_spots)
 
 
+def chance_right(ratios: NDArray[np.float32]) -> Array:
+    """The probability that keypoints matched with such ratios (m,) are of one point."""
+    return np.interp(ratios, _RATIOS, _RIGHT)
+
+
 def pose_hypotheses(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> list[PoseHypothesis]:
     """Different relative poses that many matches obey, in no order."""
     (ka, kb), (sa, sb) = matches.keypoints, matches.spots
@@ -147,7 +152,7 @@ def _evidence(obeyed: NDArray[np.bool_], ratios: NDArray[np.float32], bearing_ra
     Log-likelihood ratios: a right match obeys the true pose, a wrong one any as chance will. Many
     of one thing, of which there may be another, count as their root.
     """
-    right = np.interp(ratios, _RATIOS, _RIGHT)
+    right = chance_right(ratios)
     wrong = 1 - right
     chance = (obeyed @ wrong / max(wrong.sum(), 1.0) / 2 + _BY_CHANCE)[:, None]
     speaks = np.log(wrong + obeyed * right / chance)

@@ -14,6 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
+from vrchain.landmarks.matching.epipolar import Matches, from_two
+from vrchain.seeding import generator
 
 Array = NDArray[np.float64]
 Real = NDArray[np.floating]
@@ -28,6 +30,10 @@ _SIZE_STD, _SIZE_WRONG, _SIZE_LEAST = 0.25, 0.8, 0.02  # of the logarithm of how
 _LOOSE, _LOOSE_GAIN = 0.15, (0.4, 1.6)  # some lie on the same thing: behind, in front
 _ALONG = 0.05  # sine of bearings from the baseline, below which sizes tell nothing
 _PARALLEL_RAD = 0.01
+_GRID = 48  # directions, and as many headings
+_PAIRS = 800  # of matches, each with up to four poses
+_ROUGH_RAD = 0.02  # how near the constraint matches lie for a pose yet to be led to its peak
+_APART_RAD = 0.06  # poses led to different peaks
 _TEMPER = 0.4  # matches of one thing are right or wrong together
 _MOST_STEP_RAD = 0.15
 _SECTORS = 12
@@ -92,6 +98,26 @@ class Likelihood:
         odds = np.concatenate([narrow._log_odds(narrow._seen(p, False), near_rad) for p in parts])
         return odds + self._expected(directions)
 
+    def starts(self, matches: Matches, most: int) -> tuple[Array, Array]:
+        """Upright poses (k, 2) to be led to their peaks, likeliest first, at most so many.
+
+        matches: bearings and slopes of a and b. Two of them determine a pose; others are of a grid
+        of all directions and headings, whose log-odds are the second answer.
+        """
+        grid = np.arange(_GRID) * (2 * np.pi / _GRID)
+        every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
+        share = self.chance / self.chance.sum()
+        draws = generator(0, "pairs of matches", len(share))
+        pairs = draws.choice(len(share), (_PAIRS, 2), p=share)
+        pairs = pairs[pairs[:, 0] != pairs[:, 1]]
+        poses = np.concatenate([np.column_stack(from_two(matches, pairs)), every])
+        rough = self.coarse(poses, _ROUGH_RAD)
+        left, kept = poses[np.argsort(-rough, kind="stable")], np.empty((0, 2))
+        while len(left) and len(kept) < most:
+            kept = np.concatenate([kept, left[:1]])
+            left = left[np.abs(wrap_angle_rad(left - left[0])).max(axis=1) > _APART_RAD]
+        return kept, rough[-len(every) :].reshape(_GRID, _GRID)
+
     def peaks(self, starts: Array, tilted: bool, exact: bool = False) -> Peaks:
         """The peaks that are uphill of poses (k, 6). exact: near them, if they are nearly right."""
         poses = starts.copy()
@@ -137,7 +163,7 @@ class Likelihood:
 
     def upright(self, pose: Array) -> tuple[Array, Array]:
         """The rays as cameras would see them that are not tilted as a pose (6,) says."""
-        return _raised(self.a, pose[None, 2:4])[0], _raised(self.b, pose[None, 4:6])[0]
+        return raised(self.a, pose[None, 2:4])[0], raised(self.b, pose[None, 4:6])[0]
 
     def _expected(self, poses: Array) -> Array:
         """Log of what is expected of directions and heading, (k,)."""
@@ -147,8 +173,8 @@ class Likelihood:
         return even + self.compass.log_odds(poses[:, 0] - poses[:, 1])
 
     def _seen(self, poses: Real, tilted: bool) -> "_Seen":
-        a = _raised(self.a, poses[:, 2:4]) if tilted else self.a[None]
-        b = _raised(self.b, poses[:, 4:6]) if tilted else self.b[None]
+        a = raised(self.a, poses[:, 2:4]) if tilted else self.a[None]
+        b = raised(self.b, poses[:, 4:6]) if tilted else self.b[None]
         return _Seen.of(a, b, poses[:, :1], poses[:, 1:2])
 
     def _odds(self, seen: "_Seen", near_rad: float) -> tuple[Real, Real]:
@@ -228,7 +254,7 @@ def _turned(rays: Real, angle_rad: Real) -> tuple[Real, Real]:
     return y * c - x * s, x * c + y * s
 
 
-def _raised(rays: Real, tilt_rad: Real) -> Array:
+def raised(rays: Real, tilt_rad: Real) -> Array:
     """Rays (m, 3) of a camera tilted about x and y by each of (k, 2), upright: (k, m, 3)."""
     tilt = np.zeros((len(tilt_rad), 1, 3))
     tilt[:, 0, :2] = tilt_rad

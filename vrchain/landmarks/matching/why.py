@@ -10,9 +10,16 @@ from vrchain.landmarks.matching import photos
 from vrchain.landmarks.matching.calibration import load_calibration
 from vrchain.landmarks.matching.claims import group_signs, grouped
 from vrchain.landmarks.matching.common import check_comparable
-from vrchain.landmarks.matching.joint import JointConfig, Judged, claims_under, judged, settled
+from vrchain.landmarks.matching.joint import (
+    JointConfig,
+    Judged,
+    claims_under,
+    judged,
+    matched,
+    settled,
+)
+from vrchain.landmarks.matching.levelling import levelled, tilts
 from vrchain.landmarks.matching.photos import Described, PhotoConfig, agreeing, by_chance
-from vrchain.landmarks.matching.poses import matches_of
 from vrchain.panorama import Panorama
 
 Told = Iterator[tuple[str, str]]
@@ -53,25 +60,29 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
     yield "proposed", ", ".join(f"{len(r.proposals)} landmarks in {side}" for side, r in sides)
     alike = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T) > 0
     yield "look alike", f"{alike.any(axis=1).sum()} of A's have one in B that does"
-    matches = matches_of(a, b, config.sift, config.spots)
+    matches = matched(a, b, config)
     yield (
         "match",
         f"{len(matches.keypoints[0])} of {len(a.features)} and {len(b.features)} keypoints, "
         f"{len(matches.spots[0])} of {len(a.spots)} and {len(b.spots)} spots within proposals",
     )
-    options = judged(a, b, config, calibration)
+    if (tilted := tilts(a, b, matches)) is not None:
+        told = " and ".join(f"{np.degrees(np.hypot(*tilt)):.1f}" for tilt in tilted)
+        yield "tilt", f"{told} degrees at least, by the matches; both are levelled"
+    level = levelled(a, b, matches)
+    options = judged(level, matches, config, calibration)
     for option in options:
         yield "relative pose", _pose_told(option)
     if not options:
         yield "answer", "nothing in common: matches and proposals speak for no relative pose"
         return
     best = options[0]
-    found, score = best.found, settled(a, b, best, worth)
+    found, score = best.found, settled(*level, best, worth)
     sure = [k for k in best.own if score[k] >= config.min_score]
     surest = f", the surest {score[best.own].max():.2f}" if len(best.own) else ""
     enough = f"reach {config.min_score}"
     yield "joined", f"{len(best.own)} pairs of proposals{surest}; {len(sure)} {enough}"
-    groups = grouped(a, b, found, sure)
+    groups = grouped(*level, found, sure)
     good = worth.groups.probability(group_signs(groups, best.chance)) >= config.min_score
     yield (
         "grouped",
@@ -83,7 +94,7 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
             f"nothing in common: the likeliest pose is right by {best.chance:.2f} only, and must "
             f"be by {config.min_joined}: pictures taken nearer to each other have more matches",
         )
-    elif not (made := claims_under(a, b, best, config, worth)):
+    elif not (made := claims_under(level, best, config, worth, (a, b))):
         yield (
             "answer",
             f"nothing in common: the likeliest pose is right by {best.chance:.2f}, but what "

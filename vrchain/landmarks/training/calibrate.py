@@ -19,6 +19,7 @@ from vrchain.landmarks.matching.calibration import Calibration, Logistic, Worth,
 from vrchain.landmarks.matching.claims import (
     CLAIM_SIGNS,
     GROUP_SIGNS,
+    JOINED_SIGNS,
     SETTLED_SIGNS,
     Candidates,
     claims_of,
@@ -26,21 +27,21 @@ from vrchain.landmarks.matching.claims import (
     distinct,
     group_signs,
     grouped,
+    joined_signs,
     mask_of,
     settled_signs,
 )
 from vrchain.landmarks.matching.common import CommonLandmark, Comparison
 from vrchain.landmarks.matching.epipolar import PlanarGeometry
 from vrchain.landmarks.matching.joint import (
-    JOINED_SIGNS,
     JOINT,
     JointConfig,
     Judged,
     candidates,
-    joined_signs,
+    matched,
     settled,
 )
-from vrchain.landmarks.matching.poses import SIGNS, PoseHypothesis, matches_of, pose_hypotheses
+from vrchain.landmarks.matching.poses import SIGNS, PoseHypothesis, pose_hypotheses
 from vrchain.landmarks.quality import POSE_RIGHT_DEG, Verdict, judge, pose_errors_deg
 from vrchain.landmarks.training.examples import varied_suburb
 from vrchain.panorama import CameraRig
@@ -144,7 +145,8 @@ def _worth_of(joint: JointConfig, asked: list[Asked], calibration: Calibration) 
     rough = replace(calibration, worth={joint.name: worth})
 
     def under(one: Asked) -> Iterator[Candidates]:
-        return candidates(one.a.record, one.b.record, joint, rough)
+        a, b = one.a.record, one.b.record
+        return candidates(a, b, matched(a, b, joint), joint, rough)
 
     options = [
         [_Weighed(one, found, _verdicts(one, found)) for found in under(one)]
@@ -220,7 +222,7 @@ def _even(n: int) -> Logistic:
 
 def _hypotheses(one: Asked, joint: JointConfig) -> list[PoseHypothesis]:
     a, b = one.a.record, one.b.record
-    return pose_hypotheses(a, b, matches_of(a, b, joint.sift, joint.spots))
+    return pose_hypotheses(a, b, matched(a, b, joint))
 
 
 @dataclass(frozen=True, eq=False)
