@@ -12,7 +12,7 @@ from sights import RIG
 
 from vrchain.errors import BagError
 from vrchain.panorama import Panorama
-from vrchain.ros.cameras import Camera, ring_of
+from vrchain.ros.cameras import Camera, narrowed, ring_of
 
 
 def ring(n: int, told: dict[str, float] | None = None, **changed: Any) -> list[Camera]:
@@ -93,6 +93,17 @@ def test_fisheyes_that_see_behind_themselves() -> None:
     wide["distortion"] = (0.0,) * 4
     made = ring_of([camera(f"/{b}", {"bearing_deg": b}, **wide) for b in (0, 180)])
     assert made.seen_deg == 360
+
+
+def test_a_circle_in_the_picture_is_all_that_a_fisheye_shows() -> None:
+    """By default the picture's corners count too, which are black."""
+    wide = camera("/front", **FISHEYE)
+    for degrees in (100, 140):
+        assert ring_of([narrowed(wide, degrees)]).seen_deg == pytest.approx(degrees, abs=1)
+    assert ring_of([wide]).seen_deg > 140
+    for bad in (0, 400, "wide", None):
+        with pytest.raises(BagError, match="field_of_view_deg"):
+            narrowed(wide, bad)
 
 
 def test_cameras_that_see_no_horizon_or_have_no_height() -> None:

@@ -148,7 +148,12 @@ def test_depth_beside_pictures_is_no_camera(tmp_path: Path) -> None:
         replace(row, message=fields(row.message, encoding="16UC1", step=640, data=row.message.data))
         for row in deep
     ]
-    panorama = first_panorama([*rows, *deep], tmp_path, "/")
+    infrared = [
+        replace(row, topic=row.topic.replace("color", "infra1").replace("raw", "rect_raw"))
+        for row in rows
+        if "/camera/camera/color" in row.topic
+    ]
+    panorama = first_panorama([*rows, *deep, *infrared], tmp_path, "/")
     assert 50 < seen_deg(panorama) < 62 and off(panorama).mean() < 2
 
 
@@ -164,10 +169,13 @@ def test_a_webcam_that_nobody_calibrated(tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"holds no calibration.*give --rig"):
         published([write(rows, tmp_path / "a")], tmp_path / "none", robots={"R1": "/"})
     (fx, fy), (cx, cy) = AHEAD.lens.focal_px, AHEAD.lens.middle_px
-    (tmp_path / "rig.yaml").write_text(
+    rig = tmp_path / "rig.yaml"
+    rig.write_text(
         "camera_height_m: 1.2\ncameras:\n  - topic: usb_cam/image_raw/compressed\n"
         f"    intrinsics: [{fx}, {fy}, {cx}, {cy}]\n    bearing_deg: 0\n"
         f"    distortion_model: plumb_bob\n    distortion_coeffs: {list(BENT)}\n"
     )
-    panorama = first_panorama(rows, tmp_path, "/", rig=tmp_path / "rig.yaml")
+    panorama = first_panorama(rows, tmp_path, "/", rig=rig)
     assert 50 < seen_deg(panorama) < 62 and off(panorama).mean() < 2
+    rig.write_text(rig.read_text() + "    field_of_view_deg: 40\n")
+    assert 39 < seen_deg(first_panorama(rows, tmp_path / "less", "/", rig=rig)) < 41

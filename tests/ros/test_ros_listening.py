@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -29,6 +30,7 @@ class Node:
     def __init__(self, rows: list[Row], after_s: dict[str, float]) -> None:
         self._first = {row.topic: row for row in reversed(rows)}
         self._after_s, self.now_s = after_s, 0.0
+        self.told: list[tuple[str, str, Any]] = []
         self._taking: dict[str, Callable[[Message], None]] = {}
 
     def sleep(self, seconds: float) -> None:
@@ -50,7 +52,7 @@ class Node:
         return lambda: None
 
     def advertise(self, topic: str, kind: str, latch: bool = False) -> Said:
-        return Said(lambda message: None, lambda: False)
+        return Said(lambda message: self.told.append((topic, kind, message)), lambda: False)
 
     def close(self) -> None:
         """Nothing is to be left."""
@@ -60,7 +62,9 @@ class Node:
 def listened(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[live.LiveRobot, float]]:
     def listen(after_s: dict[str, float], without: str = "-") -> tuple[live.LiveRobot, float]:
         node = Node([row for row in recording() if without not in row.topic], after_s)
-        clock = SimpleNamespace(monotonic=lambda: node.now_s, sleep=node.sleep)
+        clock = SimpleNamespace(
+            monotonic=lambda: node.now_s, sleep=node.sleep, time_ns=lambda: 7_000_000_001
+        )
         monkeypatch.setattr(live, "time", clock)
         return live.LiveRobot(node, "R1", "/R1", {}, 0.05, patience_s=20.0), node.now_s
 
@@ -103,3 +107,18 @@ def test_what_must_be_there_is_waited_for_to_the_end(
 ) -> None:
     with pytest.raises(BagError, match=f"{said}.*listened for 20 s"):
         listened(after_s, without)
+
+
+def test_a_robot_that_wants_its_velocity_stamped(monkeypatch: pytest.MonkeyPatch) -> None:
+    node = Node(list(recording()), {})
+    clock = SimpleNamespace(
+        monotonic=lambda: node.now_s, sleep=node.sleep, time_ns=lambda: 7_000_000_001
+    )
+    monkeypatch.setattr(live, "time", clock)
+    rig = {"velocity": "base/cmd_vel", "velocity_stamped": True}
+    live.LiveRobot(node, "R1", "/R1", rig, 0.05).close()
+    ((topic, kind, message),) = node.told
+    assert (topic, kind) == ("/R1/base/cmd_vel", "geometry_msgs/msg/TwistStamped")
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == (7, 1)
+    assert message.twist.linear.x == message.twist.angular.z == 0
+    assert typestore(False).serialize_cdr(message, kind)

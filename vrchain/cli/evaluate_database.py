@@ -1,12 +1,13 @@
 """The command ``vrchain evaluate homing-database``."""
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from vrchain.cli.evaluate import Spacing, app, tell
-from vrchain.cli.options import Json
+from vrchain.cli.options import Json, Model
 
 
 @app.command("homing-database")
@@ -19,6 +20,7 @@ def homing_database(
     method: Annotated[
         list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
     ] = None,
+    model: Model = None,
     tilt: Annotated[
         list[float] | None,
         typer.Option(metavar="DEG", min=0, max=45, help="Of each picture. Give one for each; 0."),
@@ -43,8 +45,11 @@ def homing_database(
     from vrchain.panorama.databases import read_database
 
     asked: dict[str, Any] = {"methods": method} if method else {}
+    entries = read_database(folder)
+    if model:
+        entries = [replace(e, source=replace(e.source, model=model)) for e in entries]
     found = experiment.evaluate(
-        read_database(folder), seed=seed, most_pairs=pairs, spacing_m=spacing,
+        entries, seed=seed, most_pairs=pairs, spacing_m=spacing,
         tilts_deg=tilt or (0.0,), compass_errors_deg=compass_error or (0.0,), **asked,
     )  # fmt: skip
     tell(experiment.summarise(found, spacing, position_error), as_json, experiment.as_table)

@@ -20,6 +20,13 @@ Spec = Annotated[Path, typer.Argument(metavar="SPEC", help="A scene file or Gaze
 Strict = Annotated[
     bool, typer.Option("--strict", help="Refuse a Gazebo world of which a file is missing.")
 ]
+Model = Annotated[
+    str | None,
+    typer.Option(
+        help="What a pixel's place means: equirectangular, cylinder, mirror, fisheye, cubemap or "
+        "views; asked for where the picture's metadata do not tell."
+    ),
+]
 SUBURB = SCENES / "suburb.yaml"
 SpecOrSuburb = Annotated[
     Path,

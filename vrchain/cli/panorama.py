@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer.core import TyperGroup
 
-from vrchain.cli.options import Folder, Spec, doing, suburb_of
+from vrchain.cli.options import Folder, Model, Spec, doing, suburb_of
 from vrchain.errors import OutputError
 from vrchain.files import check_output_folder, output_folder
 
@@ -63,13 +63,6 @@ def draw(
     print(f"wrote {output}: views, cylinder.png, {MARKER}")
 
 
-Model = Annotated[
-    str | None,
-    typer.Option(
-        help="What a pixel's place means: equirectangular, cylinder, mirror, fisheye, cubemap or "
-        "views; asked for where the picture's metadata do not tell."
-    ),
-]
 FieldOfView = Annotated[
     float | None,
     typer.Option(metavar="DEG", help="Width of a picture, or of a fisheye's circle."),

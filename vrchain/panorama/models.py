@@ -153,7 +153,7 @@ class Lens:
     """A calibrated camera: its picture's size, focal lengths and middle in pixels, its distortion.
 
     distortion: OpenCV's coefficients of the pinhole model (4 to 14), or its fisheye model's four
-    where ``equidistant``.
+    where ``equidistant``. most_rad: off the axis, beyond which the picture shows nothing.
     """
 
     size_px: Size
@@ -161,6 +161,7 @@ class Lens:
     middle_px: tuple[float, float]
     distortion: tuple[float, ...] = ()
     equidistant: bool = False
+    most_rad: float = np.pi
 
     @property
     def matrix(self) -> NDArray[np.float64]:
@@ -184,7 +185,7 @@ class Lens:
         """How far off the axis rays are shown: beyond, the polynomials fold back."""
         off_rad = np.linspace(0, np.pi if self.equidistant else _FLAT_RAD, 1000)
         falls = np.flatnonzero(np.diff(self.radius(off_rad)) <= 0)
-        return float(off_rad[falls[0] if len(falls) else -1])
+        return min(self.most_rad, float(off_rad[falls[0] if len(falls) else -1]))
 
 
 def pinhole(rays: Rays, size_px: Size, lens: Lens) -> Pixels:

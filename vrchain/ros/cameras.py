@@ -4,7 +4,7 @@ Cameras are taken to see from one point: things near by are joined badly where t
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -96,6 +96,13 @@ def camera_from_rig(topic: str, told: Mapping[str, Any], size_px: tuple[int, int
             f"rig: expected of camera {topic} intrinsics [fx, fy, cx, cy] and bearing_deg, got "
             f"{error!r} in {dict(told)}"
         ) from error
+
+
+def narrowed(camera: Camera, degrees: Any) -> Camera:
+    """A camera whose picture shows a circle of so many degrees; what is around it is black."""
+    if not isinstance(degrees, int | float) or not 0 < degrees <= 360:
+        raise BagError(f"rig: expected of {camera.topic} field_of_view_deg to 360, got {degrees!r}")
+    return replace(camera, lens=replace(camera.lens, most_rad=float(np.radians(degrees / 2))))
 
 
 def pose_from_rig(told: Mapping[str, Any]) -> Array:

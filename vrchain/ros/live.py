@@ -25,6 +25,7 @@ from vrchain.ros.messages import (
     INFO,
     ODOMETRY,
     SCAN,
+    STAMPED,
     TF,
     TWIST,
     opened,
@@ -68,8 +69,10 @@ class LiveRobot:
         self._images: dict[str, deque[Message]] = {}
         contents = self._listen(rig, slop_s)
         self._laser = self._laser_pose(contents)
-        topic = self._prefix + "cmd_vel"
-        self._wheels, self._make = ros.advertise(topic, TWIST), Messages(ros.ros1)
+        topic = self._prefix + str(rig.get("velocity", "cmd_vel"))
+        self._stamped = bool(rig.get("velocity_stamped", False))
+        self._wheels = ros.advertise(topic, STAMPED if self._stamped else TWIST)
+        self._make = Messages(ros.ros1)
 
     def _listen(self, rig: Mapping[str, Any], slop_s: float) -> Contents:
         """Until all that is needed was heard once, then go on with odometry and ranges alone."""
@@ -270,7 +273,10 @@ class LiveRobot:
         make, zero = self._make, {"x": 0.0, "y": 0.0, "z": 0.0}
         ahead = make.make("geometry_msgs/msg/Vector3", **(zero | {"x": command.speed_m_s}))
         turn = make.make("geometry_msgs/msg/Vector3", **(zero | {"z": command.turn_rad_s}))
-        self._wheels.say(make.make(TWIST, linear=ahead, angular=turn))
+        said = make.make(TWIST, linear=ahead, angular=turn)
+        if self._stamped:
+            said = make.make(STAMPED, header=make.header(time.time_ns(), ""), twist=said)
+        self._wheels.say(said)
 
     def close(self) -> None:
         """Stand still."""

@@ -19,6 +19,7 @@ COMPRESSED = "sensor_msgs/msg/CompressedImage"
 SCAN = "sensor_msgs/msg/LaserScan"
 TF = "tf2_msgs/msg/TFMessage"
 TWIST = "geometry_msgs/msg/Twist"
+STAMPED = "geometry_msgs/msg/TwistStamped"
 
 _CHANNELS = {"mono": 1, "8UC1": 1, "rgb": 3, "bgr": 3, "8UC3": 3, "rgba": 4, "bgra": 4}
 _TO_RGB = {

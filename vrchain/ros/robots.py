@@ -11,7 +11,15 @@ from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import BagError
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
-from vrchain.ros.cameras import Camera, Ring, camera_from_rig, lens_in, pose_from_rig, ring_of
+from vrchain.ros.cameras import (
+    Camera,
+    Ring,
+    camera_from_rig,
+    lens_in,
+    narrowed,
+    pose_from_rig,
+    ring_of,
+)
 from vrchain.ros.contents import OF_TF, Contents, Times, Topic, clocked
 from vrchain.ros.messages import COMPRESSED, IMAGE, INFO, ODOMETRY
 
@@ -20,7 +28,7 @@ _JUMP_RAD, _JUMP_RAD_S = 1.0, 6.0
 _SILENT_NS = 1_000_000_000  # without odometry, around a look
 _BASES = ("base_footprint", "base_link")
 _PREFERRED = ("image_raw", "image_color", "image", "image_mono", "image_rect_color", "image_rect")
-_KEYS = {"camera_height_m", "odometry", "cameras"}
+_KEYS = {"camera_height_m", "odometry", "cameras", "velocity", "velocity_stamped"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -234,6 +242,8 @@ def _camera_topics(
         if topic.type in (IMAGE, COMPRESSED) and not _is_depth(topic):
             place = camera_name(topic.name)
             best[place] = min(best.get(place, topic), topic, key=_preference)
+    if seen := {place: topic for place, topic in best.items() if "infra" not in place}:
+        best = seen  # a depth camera's infrared pair shows its pattern of dots
     if not best:
         infos = [t.name for t in own.values() if t.type == INFO]
         lacks = f"only {', '.join(infos)}" if infos else "no camera at all"
@@ -273,6 +283,9 @@ def _base(contents: Contents, odometry: Topic, cameras: Sequence[Topic]) -> str:
 def _camera(
     contents: Contents, own: Mapping[str, Topic], topic: Topic, told: Mapping[str, Any], base: str
 ) -> Camera:
+    if "field_of_view_deg" in told:
+        plain = {k: v for k, v in told.items() if k != "field_of_view_deg"}
+        return narrowed(_camera(contents, own, topic, plain, base), told["field_of_view_deg"])
     if "intrinsics" in told:
         return camera_from_rig(topic.name, told, topic.size_px)
     info = own.get(f"{camera_name(topic.name)}/camera_info")
