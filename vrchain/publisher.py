@@ -20,6 +20,8 @@ from vrchain.robot import Drive, Observation, UpdateMonitor, UpdateRules
 LOOK_EVERY_M = 2.5
 
 Examine = Callable[[Observation], LandmarkRecord]
+Told = Callable[[Observation], Observation | None]
+"""What a robot says of an observation: itself, if it is honest; None: nothing."""
 B = TypeVar("B", bound=Body)
 P = TypeVar("P")
 
@@ -49,7 +51,7 @@ class Publisher:
     """Publishes for one robot; it is shown all that the robot observes, in the order of time.
 
     examine: its landmarks are extracted before it signs, and published beside the panorama, with
-    how it moved since the one before.
+    how it moved since the one before. told: what it says of a look around, if that is not so.
     """
 
     def __init__(
@@ -59,8 +61,10 @@ class Publisher:
         key: SigningKey,
         rules: UpdateRules | None = None,
         examine: Examine | None = None,
+        told: Told | None = None,
     ) -> None:
         self.robot, self._ledger, self._key, self._examine = robot, ledger, key, examine
+        self._told = told
         self.monitor = UpdateMonitor(rules)
         self._looked: Observation | None = None
         self._published: Pose | None = None  # where, by odometry, the last panorama was taken
@@ -83,7 +87,12 @@ class Publisher:
         """
         rule, published = self.monitor.due(seen), None
         if rule is not None:
-            seen, published = self._publish(seen, rule, blob)
+            said = seen if self._told is None else self._told(seen)
+            if said is seen:
+                seen, published = self._publish(seen, rule, blob)
+            elif said is not None:
+                _, published = self._publish(said, rule, None)
+                self.monitor.published(seen)
         self._looked = seen
         return seen, published
 

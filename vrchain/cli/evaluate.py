@@ -249,6 +249,15 @@ def navigation(
     barred: Annotated[
         float, typer.Option(metavar="P", help="Share of legs with an obstacle nobody knows of.")
     ] = 0.0,
+    liars: Annotated[
+        int, typer.Option(min=0, help="How many of the others publish what is not so.")
+    ] = 0,
+    lie: Annotated[
+        str, typer.Option(help="odometry, elsewhere, old, photograph or nothing.")
+    ] = "odometry",
+    reputation: Annotated[
+        bool, typer.Option(help="A robot's word of its way counts less where others deny it.")
+    ] = True,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
@@ -263,9 +272,11 @@ def navigation(
     from vrchain.experiments.missions import success as experiment
     from vrchain.experiments.missions.drive import Conditions
     from vrchain.experiments.scenes import scenes_of
+    from vrchain.navigation.settings import MissionConfig
 
     folder = _folder(output, "navigation", seed, allow_training_seeds)
-    conditions = Conditions(patrol, wrong_edges, barred)
+    config = MissionConfig(reputation=reputation)
+    conditions = Conditions(patrol, wrong_edges, barred, liars, lie, config)
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
         to_places=to_places, landmarks=landmarks, conditions=conditions, jobs=jobs,

@@ -95,6 +95,8 @@ class Follower:
                 "ledger", f"{name} sees the goal", number, robot=name, matches=sight.n_matches,
                 chance=round(sight.chance, 2),
             )  # fmt: skip
+        for name, share in sorted(found.doubted.items()):
+            self.log("ledger", f"{name} did not move as it says", robot=name, agree=round(share, 2))
         why = f"{' - '.join(route.robots)} - goal, by {n_landmarks} common landmarks"
         score, trust = round(route.score, 3), round(route.trust, 4)
         self.log("route", why, number, score=score, trust=trust)

@@ -51,7 +51,7 @@ class Replanner:
         return plan(
             self.robot, [(stood, seen) for stood, seen, _ in self.own[:_OWN]], published,
             self.index, self._find, self.failed, self.rejections.sights, self.rejections.trust,
-            self._lasting, self._alike,
+            self._lasting, self._alike, self.pilot.config.reputation,
         )  # fmt: skip
 
     def begin(self, route: Route) -> tuple[Pose, int]:

@@ -47,6 +47,7 @@ class MissionConfig:
     least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too
     explores: bool = True  # whether it goes and looks elsewhere where no route leads on
     explore_m: float = 26.0  # from all places where it has looked around
+    reputation: bool = True  # whether a robot's word of its way counts less when others deny it
     lasting_s: float = 3600.0  # a view this old leaves 1/e of the chance that it still holds
     chance_per_m: float = 0.012  # of finding the goal by exploring: a detour is to be worth more
     stuck_after_s: float = 15.0  # without half a metre of headway

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from vrchain.ledger import Ledger, simulated_key
-from vrchain.publisher import Examine, Publication, Publisher, PublishingBody
+from vrchain.publisher import Examine, Publication, Publisher, PublishingBody, Told
 from vrchain.robot import Drive, Observation, UpdateRules, steer
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import Task
@@ -67,15 +67,25 @@ def assemble(
     rules: UpdateRules | None = None,
     examine: Examine | None = None,
     body_of: Callable[[Simulator, str], SimulatedBody] = SimulatedBody,
+    told: Mapping[str, Told] | None = None,
 ) -> dict[str, PublishingRobot]:
     """The simulator's robots, able to publish with keys that derive from the seed.
 
     examine: extracts the landmarks that are published with each panorama; none are, without.
+    told: what those who are not honest say of what they see.
     """
+    told = told or {}
     return {
         body.name: PublishingBody(
             body,
-            Publisher(body.name, ledger, simulated_key(seed, body.name), rules, examine),
+            Publisher(
+                body.name,
+                ledger,
+                simulated_key(seed, body.name),
+                rules,
+                examine,
+                told.get(body.name),
+            ),
             body.located,
         )
         for body in (body_of(simulator, name) for name in simulator.robots)

@@ -11,6 +11,7 @@ import numpy as np
 from vrchain.errors import MissionError
 from vrchain.experiments.missions.chains import PLACE
 from vrchain.experiments.missions.draw import Ground, Mission
+from vrchain.experiments.missions.liars import LIES, lie
 from vrchain.experiments.missions.obstruction import Barred
 from vrchain.experiments.missions.oracle import Oracle
 from vrchain.experiments.missions.wrong_edges import misled
@@ -41,18 +42,26 @@ class Conditions:
     """What missions are driven under. MissionError for shares or seconds that cannot be.
 
     patrol_s: for how long the others are under way before. wrong_edges: the share of the landmark
-    graph's edges that are made wrong; barred: of legs, with an obstacle nobody knows of.
+    graph's edges that are made wrong; barred: of legs, with an obstacle nobody knows of. liars: how
+    many of the others publish what is not so; lie: in which way (``liars.lie``).
     """
 
     patrol_s: float = 300.0
     wrong_edges: float = 0.0
     barred: float = 0.0
+    liars: int = 0
+    lie: str = "odometry"
     config: MissionConfig = field(default_factory=MissionConfig)
 
     def __post_init__(self) -> None:
         for what, share in (("wrong edges", self.wrong_edges), ("barred legs", self.barred)):
             if not 0 <= share <= 1:
                 raise MissionError(f"expected a share of {what} from 0 to 1, got {share}")
+        if self.liars < 0 or self.lie not in LIES:
+            raise MissionError(
+                f"expected 0 liars or more and a lie of {', '.join(LIES)}, got {self.liars} and "
+                f"{self.lie}"
+            )
         if not 0 <= self.patrol_s < np.inf:
             raise MissionError(f"expected seconds of patrol, 0 or more, got {self.patrol_s}")
 
@@ -98,7 +107,11 @@ class Suburb:
             # among panoramas: the goal is as it was shown
             perception = misled(perception, conditions.wrong_edges, number)
             record = oracle.record if oracle else perception.record
-            robots = assemble(simulator, ledger, number, examine=record)
+            told = {
+                name: lie(conditions.lie, simulator, name, number)
+                for name in others[: conditions.liars]
+            }
+            robots = assemble(simulator, ledger, number, examine=record, told=told)
             if arm != "alone":
                 for name in others:
                     robots[name].observe(look=True)

@@ -15,6 +15,7 @@ from vrchain.navigation.planning.relative_poses import (
     RelativePoses,
     pose_from,
 )
+from vrchain.navigation.planning.reputation import EVEN, reputations
 from vrchain.navigation.settings import Published, age_of, panorama_name, robot_of
 
 _BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
@@ -26,6 +27,7 @@ class Compared:
 
     own: of the first; looks: what each shows; found: what two of them, in that order, have in
     common. tracks: those of one robot that its odometry links, which need not be compared.
+    reputation: whether a robot's word of how it moved counts less where others contradict it.
     """
 
     def __init__(
@@ -35,6 +37,7 @@ class Compared:
         known: Mapping[str, Published],
         index: LandmarkIndex[Look],
         trust: Callable[[Look, Look, Comparison], float],
+        reputation: bool = True,
     ) -> None:
         self.own = tuple(panorama_name(robot, k) for k in range(len(own)))
         times = {n: (p.time_ns, robot_of(n), -age_of(n)) for n, p in known.items()}
@@ -45,10 +48,11 @@ class Compared:
         self.tracks = tracks(known, self.looks)
         self._known, self._index, self._trust = known, index, trust
         self._place = {name: k for k, name in enumerate(self.names)}
-        stood = zip(self.own, (pose for pose, _ in own), strict=True)
-        self._poses = {
-            (a, b): RelativePose(relative(p, q), 1.0) for (a, p), (b, q) in combinations(stood, 2)
-        } | {(a, b): RelativePose(moved, 1.0) for t in self.tracks for a, b, moved in links(t)}
+        stood = tuple(zip(self.own, (pose for pose, _ in own), strict=True))
+        self._own_track, self._reputation = stood, reputation
+        self._ways = {(a, b): relative(p, q) for (a, p), (b, q) in combinations(stood, 2)}
+        self._ways |= {(a, b): moved for track in self.tracks for a, b, moved in links(track)}
+        self._compared: dict[Pair, RelativePose] = {}
         self._left: list[Pair] = []  # not compared, the likeliest first
         self._bridged = 0
         self._told: RelativePoses | None = None  # until something more is compared
@@ -56,8 +60,21 @@ class Compared:
     def poses(self) -> RelativePoses:
         """The relative poses of panoramas, by all comparisons so far and by odometry."""
         if self._told is None:
-            self._told = RelativePoses(self._poses)
+            doubted = self.doubted()
+            ways = {
+                pair: RelativePose(moved, doubted.get(robot_of(pair[0]), 1.0))
+                for pair, moved in self._ways.items()
+            }
+            self._told = RelativePoses(ways | self._compared)
         return self._told
+
+    def doubted(self) -> dict[str, float]:
+        """Robots whose word of their own way is contradicted, and the share that agrees."""
+        if not self._reputation:
+            return {}
+        told = reputations(self._compared, (self._own_track, *self.tracks))
+        own = robot_of(self.own[0])
+        return {robot: share for robot, share in told.items() if share < EVEN and robot != own}
 
     def _compare(self, a: str, b: str) -> float:
         """Compare two, in their order: the chance that their relative pose is right."""
@@ -68,7 +85,7 @@ class Compared:
             found = self._index.compare(self._known[a].digest, digest)
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
-        self._poses[a, b] = RelativePose(pose_from(found, self.looks[a].rig), trust)
+        self._compared[a, b] = RelativePose(pose_from(found, self.looks[a].rig), trust)
         self._told = None
         return trust
 
@@ -77,9 +94,9 @@ class Compared:
         pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self.own]
         pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
         for pair in partners(self.names, pairs):
-            if pair not in self._poses and pair[1] not in self.own:
+            if not self._is_known(pair) and pair[1] not in self.own:
                 self._compare(*pair)
-        self._left = [pair for pair in pairs if pair not in self._poses]
+        self._left = [pair for pair in pairs if not self._is_known(pair)]
         self.bridge(seers)
 
     def bridge(self, seers: Set[str]) -> bool:
@@ -87,7 +104,7 @@ class Compared:
         if not seers or self._bridged >= _BRIDGES:
             return False
         poses = self.poses()
-        rights = {pair: poses.trust(pair) for pair in self._poses}
+        rights = {pair: poses.trust(pair) for pair in (*self._ways, *self._compared)}
         left = [pair for pair in self._left if pair not in rights]
         before, asked = self._index.n_compared, False
         for pair in bridges(self.names, left, rights, set(self.own), seers):
@@ -110,6 +127,9 @@ class Compared:
         for pair in sorted(asked):
             self._compare(*pair)
         return bool(asked)
+
+    def _is_known(self, pair: Pair) -> bool:
+        return pair in self._ways or pair in self._compared
 
     def _in_order(self, a: str, b: str) -> Pair:
         """The two in the order of ``names``."""

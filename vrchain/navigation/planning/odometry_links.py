@@ -11,7 +11,7 @@ from vrchain.geometry import Pose, placed, relative
 from vrchain.navigation.perception import Look
 from vrchain.navigation.settings import Published, age_of, robot_of
 
-_HOLDS_M = 50.0  # of way, after which odometry alone tells no relative pose any more
+HOLDS_M = 50.0  # of way, after which odometry alone tells no relative pose any more
 
 Track = tuple[tuple[str, Pose], ...]
 
@@ -43,5 +43,5 @@ def links(track: Track) -> Iterator[tuple[str, str, Pose]]:
     for (_, a), (_, b) in pairwise(track):
         way_m.append(way_m[-1] + a.distance_to_m(b.xy_m))
     for i, j in combinations(range(len(track)), 2):
-        if j == i + 1 or way_m[j] - way_m[i] <= _HOLDS_M:
+        if j == i + 1 or way_m[j] - way_m[i] <= HOLDS_M:
             yield track[i][0], track[j][0], relative(track[i][1], track[j][1])

@@ -20,7 +20,7 @@ SURE = 0.8  # trust from which a relative pose bears witness
 _TOLD, _FIRM = 0.05, 0.5  # trust below which it tells nothing, from which it tells for sure
 _NEAR_M, _APART_M = 25.0, 2.0  # witnesses: so near the one, and not at the place of either
 _OFF, _OFF_M, _OFF_RAD = 0.3, 3.0, 0.2  # agreement: share of the way there, metres, heading
-_ELSEWHERE = 2.0  # times what still passes for agreement
+DIFFERENT = 2.0  # times what still passes for agreement
 # The odds times so much for each witness that agrees, for each that knows nothing of what should
 # be near, and for each that firmly knows it elsewhere; of so many, the nearest. By four patrols of
 # seeds 1311 and 1312: of the witnesses of right poses 0.84 agree, 0.05 know nothing and 0.001 know
@@ -117,12 +117,17 @@ class RelativePoses:
         pose, firm = known.pose, known.trust >= _FIRM
         if pose is None or known.trust < _TOLD:
             return _AGAINST
-        way_m = max(float(np.hypot(*pose.xy_m)), float(np.hypot(*told.xy_m)))
-        turned = abs(float(wrap_angle_rad(pose.yaw_rad - told.yaw_rad)))
-        off = max(pose.distance_to_m(told.xy_m) / (_OFF_M + _OFF * way_m), turned / _OFF_RAD)
+        off = apart(pose, told)
         if firm:
-            return _FOR if off <= 1.0 else _DENIED if off > _ELSEWHERE else 1.0
+            return _FOR if off <= 1.0 else _DENIED if off > DIFFERENT else 1.0
         return 1.0 if off <= 1.0 else _AGAINST
+
+
+def apart(one: Pose, other: Pose) -> float:
+    """By how much two relative poses differ, in what still passes for agreement."""
+    way_m = max(float(np.hypot(*one.xy_m)), float(np.hypot(*other.xy_m)))
+    turned = abs(float(wrap_angle_rad(one.yaw_rad - other.yaw_rad)))
+    return max(one.distance_to_m(other.xy_m) / (_OFF_M + _OFF * way_m), turned / _OFF_RAD)
 
 
 def baseline_m(found: Comparison, rig: CameraRig) -> float | None:

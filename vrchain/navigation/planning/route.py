@@ -90,6 +90,7 @@ class Plan:
 
     unreadable: robots whose panorama is gone or is none. published: the panoramas that can be read,
     by name. looks: what each panorama shows, the robot's own ones too; poses: their relative poses.
+    doubted: robots whose word of how they moved others contradict, and the share that agrees.
     """
 
     route: Route | None
@@ -99,6 +100,7 @@ class Plan:
     published: Mapping[str, Published]
     looks: Mapping[str, Look]
     poses: RelativePoses
+    doubted: Mapping[str, float]
 
     @property
     def digests(self) -> frozenset[bytes]:
@@ -133,6 +135,7 @@ def plan(
     trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0,
     lasting: Callable[[Published], float] = lambda seen: 1.0,
     alike: Callable[[Look, Look], float] = lambda a, b: 0.0,
+    reputation: bool = True,
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
@@ -141,14 +144,15 @@ def plan(
     landmarks not to use again. rejected: digests of panoramas whose sight of the goal is not to be
     trusted. trust: the chance that the relative pose of two panoramas is right; it counts for more
     where others agree, for less where they do not. lasting: the chance that a view has not changed
-    since. alike: how much two look alike, where there are too many to compare them all.
+    since. alike: how much two look alike, where there are too many to compare them all. reputation:
+    whether a robot's word of how it moved counts less where others contradict it.
     """
     rig = own[0][1].rig
     unreadable = tuple(
         n for n in sorted(published) if not _readable(index, published[n].digest, rig)
     )
     known = {name: p for name, p in published.items() if name not in unreadable}
-    panoramas = Compared(robot, own, known, index, trust)
+    panoramas = Compared(robot, own, known, index, trust, reputation)
     seen = _sights(known, panoramas.looks, find, rejected)
     panoramas.compare_likely(alike, set(seen))
 
@@ -165,7 +169,8 @@ def plan(
             for pair in panoramas.found
         }
         driven = [panoramas.own, *([name for name, _ in track] for track in panoramas.tracks)]
-        claims = [_by_odometry(a, b) for names in driven for a, b in pairwise(names)]
+        steps = (step for names in driven for step in pairwise(names))
+        claims = [_by_odometry(*step, poses.trust(step)) for step in steps]
         claims += _claims(panoramas.found, rights, rig)
         claims = [claim for claim in claims if key(claim) not in failed]
         chances = {name: sighting.chance for name, sighting in seen.items()}
@@ -185,7 +190,10 @@ def plan(
         if not asked:
             break
         graph, route = draw_up()
-    return Plan(route, graph, seen, unreadable, known, panoramas.looks, panoramas.poses())
+    return Plan(
+        route, graph, seen, unreadable, known, panoramas.looks, panoramas.poses(),
+        panoramas.doubted(),
+    )  # fmt: skip
 
 
 def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:
@@ -224,11 +232,12 @@ def _claims(
                 yield Claim(a, b, common, chance)
 
 
-def _by_odometry(a: str, b: str) -> Claim:
+def _by_odometry(a: str, b: str, trust: float) -> Claim:
     """Between two panoramas of one robot: what its odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
     none = np.empty(0, dtype=np.int64)
-    return Claim(a, b, CommonLandmark(_BY_ODOMETRY, nowhere, nowhere, none, none), _BY_ODOMETRY)
+    chance = max(_BY_ODOMETRY * trust, _LEAST)
+    return Claim(a, b, CommonLandmark(chance, nowhere, nowhere, none, none), chance)
 
 
 def worth(claim: CommonLandmark, baseline_m: float) -> float:

@@ -1,0 +1,94 @@
+"""Whose word of its own way is believed: teams in which some lie, and joins some of which err."""
+
+from itertools import combinations
+
+import pytest
+
+from vrchain.geometry import Pose, placed, relative
+from vrchain.navigation.planning.odometry_links import Track
+from vrchain.navigation.planning.relative_poses import Pair, RelativePose
+from vrchain.navigation.planning.reputation import reputations
+from vrchain.seeding import generator
+
+N_EACH = 8  # panoramas of a robot
+
+
+def team(
+    liars: int = 0, robots: int = 5, wrong: float = 0.0, seed: int = 0, joined: float = 0.4
+) -> tuple[dict[Pair, RelativePose], list[Track]]:
+    """Joins and tracks of robots that wandered; the first so many say other ways than they went."""
+    draws = generator(seed, "team")
+    true: dict[str, Pose] = {}
+    tracks: list[Track] = []
+    for k in range(robots):
+        here, said = Pose(*draws.uniform(-10, 10, 2), 0.0), Pose(0.0, 0.0)
+        track = []
+        for n in range(N_EACH):
+            name = f"R{k + 1}~{N_EACH - 1 - n}" if n < N_EACH - 1 else f"R{k + 1}"
+            true[name] = here
+            track.append((name, said))
+            moved = Pose(*draws.uniform(-8, 8, 2), float(draws.uniform(-1, 1)))
+            here = placed(here, moved)
+            turned = Pose(moved.x_m, moved.y_m, float(draws.uniform(-3, 3)))
+            told = Pose(-moved.y_m, moved.x_m, turned.yaw_rad) if k < liars else moved
+            said = placed(said, told)
+        tracks.append(tuple(track))
+    poses = {}
+    for a, b in combinations(true, 2):
+        if a.partition("~")[0] != b.partition("~")[0] and draws.uniform() < joined:
+            pose = relative(true[a], true[b])
+            if draws.uniform() < wrong:
+                pose = Pose(*draws.uniform(-20, 20, 2), float(draws.uniform(-3, 3)))
+            poses[a, b] = RelativePose(pose, 0.9)
+    return poses, tracks
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_who_lies_is_not_believed_and_the_others_are(seed: int) -> None:
+    for liars in (0, 1, 2):
+        told = reputations(*team(liars, wrong=0.05, seed=seed))
+        assert all(told[f"R{k + 1}"] < 0.5 for k in range(liars))
+        assert all(told[f"R{k + 1}"] > 0.8 for k in range(liars, 5))
+
+
+def test_one_mistake_convicts_nobody() -> None:
+    """Two joins between two robots, of which one is wrong: who is to say which?"""
+    poses, tracks = team(robots=2, joined=1.0)
+    (a, b), (c, d) = [*poses][0 :: N_EACH + 2][:2]
+    wrong = RelativePose(Pose(30.0, -9.0, 2.0), 0.99)
+    told = reputations({(a, b): poses[a, b], (c, d): wrong}, tracks)
+    assert min(told.values()) >= 0.8
+    many = {pair: poses[pair] for pair in list(poses)[::9]}
+    first = next(iter(many))
+    assert min(reputations(many | {first: wrong}, tracks).values()) >= 0.8
+
+
+def test_nobody_is_blamed_for_what_nobody_saw() -> None:
+    poses, tracks = team(liars=1)
+    assert reputations({}, tracks) == dict.fromkeys(("R1", "R2", "R3", "R4", "R5"), 1.0)
+    unsure = {pair: RelativePose(known.pose, 0.5) for pair, known in poses.items()}
+    assert set(reputations(unsure, tracks).values()) == {1.0}
+    unknown = {pair: RelativePose(None, 0.9) for pair in poses}
+    assert set(reputations(unknown, tracks).values()) == {1.0}
+    assert reputations({}, []) == {}
+
+
+def test_the_order_of_robots_and_joins_does_not_matter() -> None:
+    poses, tracks = team(liars=1, wrong=0.1, seed=3)
+    told = reputations(poses, tracks)
+    back = {
+        (b, a): RelativePose(relative(known.pose, Pose(0.0, 0.0)), known.trust)
+        for (a, b), known in reversed(poses.items())
+        if known.pose is not None
+    }
+    assert reputations(back, tracks[::-1]) == pytest.approx(told)
+
+
+def test_a_robot_that_only_liars_meet_keeps_most_of_its_name() -> None:
+    """Of two that contradict each other nobody knows who lies; a third tells."""
+    poses, tracks = team(liars=1, robots=3, seed=1)
+    alone = {p: k for p, k in poses.items() if {n.partition("~")[0] for n in p} == {"R1", "R2"}}
+    both = reputations(alone, tracks)
+    assert both["R1"] == pytest.approx(both["R2"]) and both["R3"] == 1.0
+    told = reputations(poses, tracks)
+    assert told["R1"] < 0.5 < 0.8 < told["R2"]
