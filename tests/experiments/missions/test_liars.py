@@ -1,0 +1,110 @@
+"""What liars publish, and that they sense and drive as others do."""
+
+from dataclasses import dataclass
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+import worlds
+
+from vrchain.errors import MissionError
+from vrchain.experiments.missions.drive import Conditions
+from vrchain.experiments.missions.liars import LIES, lie
+from vrchain.geometry import Pose
+from vrchain.landmarks.extraction.proposer import nothing
+from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
+from vrchain.landmarks.extraction.sift import NO_FEATURES
+from vrchain.ledger import verify
+from vrchain.panorama import Panorama
+from vrchain.robot import Drive, UpdateRules
+from vrchain.simulation.simulator import Simulator
+from vrchain.simulation.team import assemble, team_ledger
+
+RIG = worlds.SMALL_RIG
+RULES = UpdateRules(distance_m=1.5, view_change=99.0, max_age_s=999.0)
+
+
+@dataclass(frozen=True)
+class Told:
+    """Of one robot's drive: what it published, what it saw itself, and how it moved."""
+
+    digests: list[str]
+    shown: list[Panorama]
+    moved: list[Pose | None]
+    saw: list[Panorama]
+    way_m: list[float]
+
+
+def drive(kind: str | None, folder: Path, seed: int = 5) -> Told:
+    simulator = Simulator(worlds.yard(), {"R1": Pose(0, 0)}, seed=3, rig=RIG)
+    record = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
+    told = {} if kind is None else {"R1": lie(kind, simulator, "R1", seed)}
+    with team_ledger(folder / f"{kind}", simulator.robots, 3) as ledger:
+        robot = assemble(simulator, ledger, 3, RULES, lambda seen: record, told=told)["R1"]
+        saw, stood = [], []
+        for _ in range(6):
+            before = len(robot.publications)
+            seen = robot.observe(look=True)
+            if len(robot.publications) > before or not stood:
+                assert seen.panorama is not None
+                saw.append(seen.panorama)
+                stood.append(seen.odometry)
+            robot.drive(Drive(0.8, 0.1), 2.0)
+        history = ledger.history("R1")
+        shown = [Panorama.decode(ledger.payload(t.payload_digest)) for t in history]
+        moved = [decode_record(ledger.payload(t.landmarks_digest)).moved for t in history]
+        way_m = [a.distance_to_m(b.xy_m) for a, b in pairwise(stood)]
+        digests = [t.payload_digest.hex() for t in history]
+    assert verify(folder / f"{kind}").ok  # a lie is as well signed as the truth
+    return Told(digests, shown, moved, saw, way_m)
+
+
+def test_who_lies_of_its_way_is_as_far_as_it_says(tmp_path: Path) -> None:
+    told, honest = drive("odometry", tmp_path), drive(None, tmp_path)
+    assert told.digests == honest.digests and len(told.digests) >= 3
+    ways = [np.hypot(*m.xy_m) for m in told.moved if m]
+    assert ways == pytest.approx(told.way_m, abs=1e-2)
+    apart = [
+        m.distance_to_m(n.xy_m) for m, n in zip(told.moved, honest.moved, strict=True) if m and n
+    ]
+    assert max(apart) > 1.0
+
+
+def test_what_is_shown_is_not_what_was_seen(tmp_path: Path) -> None:
+    honest = drive(None, tmp_path)
+    for kind in ("elsewhere", "old", "photograph"):
+        told = drive(kind, tmp_path)
+        assert [m and m.xy_m.round(3).tolist() for m in told.moved] == [
+            m and m.xy_m.round(3).tolist() for m in honest.moved
+        ]
+        for shown, saw in list(zip(told.shown, told.saw, strict=True))[1:]:
+            assert np.abs(shown.views.astype(int) - saw.views).mean() > 5
+    old, photograph = drive("old", tmp_path / "a"), drive("photograph", tmp_path / "a")
+    assert set(old.digests) == {honest.digests[0]}
+    assert all((p.views == p.views[:1]).all() for p in photograph.shown)
+    assert len(set(drive("elsewhere", tmp_path / "a").digests)) == len(honest.digests)
+
+
+def test_who_says_nothing_publishes_nothing(tmp_path: Path) -> None:
+    told = drive("nothing", tmp_path)
+    assert told.digests == [] and len(told.saw) == 1
+
+
+def test_the_same_seed_tells_the_same_lies(tmp_path: Path) -> None:
+    for kind in ("odometry", "elsewhere"):
+        once, again, other = (
+            drive(kind, tmp_path / name, seed) for name, seed in (("a", 5), ("b", 5), ("c", 6))
+        )
+        assert (once.digests, once.moved) == (again.digests, again.moved)
+        assert (once.digests, once.moved) != (other.digests, other.moved)
+
+
+def test_lies_that_there_are_not() -> None:
+    simulator = Simulator(worlds.yard(), {"R1": Pose(0, 0)}, seed=3, rig=RIG)
+    with pytest.raises(MissionError, match="expected a lie of odometry"):
+        lie("white", simulator, "R1", 0)
+    for bad in ({"liars": -1}, {"lie": "white"}):
+        with pytest.raises(MissionError, match="0 liars or more"):
+            Conditions(**bad)
+    assert set(LIES) == {"odometry", "elsewhere", "old", "photograph", "nothing"}
