@@ -255,9 +255,9 @@ def navigation(
     lie: Annotated[
         str, typer.Option(help="odometry, elsewhere, old, photograph or nothing.")
     ] = "odometry",
-    reputation: Annotated[
-        bool, typer.Option(help="A robot's word of its way counts less where others deny it.")
-    ] = True,
+    no_reputation: Annotated[
+        bool, typer.Option("--no-reputation", help="Every robot is believed how it moved.")
+    ] = False,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
@@ -275,7 +275,7 @@ def navigation(
     from vrchain.navigation.settings import MissionConfig
 
     folder = _folder(output, "navigation", seed, allow_training_seeds)
-    config = MissionConfig(reputation=reputation)
+    config = MissionConfig(reputation=not no_reputation)
     conditions = Conditions(patrol, wrong_edges, barred, liars, lie, config)
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
