@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Seen = TypeVar("Seen", bound=Directions)
 
 _MOST, _LEAST = 200, 12  # matched keypoints that are heard, the clearest; that tell of a tilt
-_LED = 12  # poses led to their peaks
+_LED, _PAIRS, _GRID = 6, 300, 24  # poses led to their peaks, and what they are sought among
 _CLEARLY = 3.0  # log evidence by which tilted cameras must be likelier than upright ones
 
 
@@ -42,7 +42,7 @@ def tilts(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> tuple[Array
     chance = chance_right(matches.ratios[clearest])
     likelihood = Likelihood(own_a.rays, own_b.rays, growth, chance)
     directions = own_a.bearing_rad, own_a.slope, own_b.bearing_rad, own_b.slope
-    starts, _ = likelihood.starts(directions, _LED)
+    starts, _ = likelihood.starts(directions, _LED, _PAIRS, _GRID)
     poses = np.zeros((len(starts), 6))
     poses[:, :2] = starts
     upright = likelihood.peaks(poses, tilted=False)

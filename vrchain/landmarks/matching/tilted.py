@@ -30,8 +30,6 @@ _SIZE_STD, _SIZE_WRONG, _SIZE_LEAST = 0.25, 0.8, 0.02  # of the logarithm of how
 _LOOSE, _LOOSE_GAIN = 0.15, (0.4, 1.6)  # some lie on the same thing: behind, in front
 _ALONG = 0.05  # sine of bearings from the baseline, below which sizes tell nothing
 _PARALLEL_RAD = 0.01
-_GRID = 48  # directions, and as many headings
-_PAIRS = 800  # of matches, each with up to four poses
 _ROUGH_RAD = 0.02  # how near the constraint matches lie for a pose yet to be led to its peak
 _APART_RAD = 0.06  # poses led to different peaks
 _TEMPER = 0.4  # matches of one thing are right or wrong together
@@ -98,17 +96,20 @@ class Likelihood:
         odds = np.concatenate([narrow._log_odds(narrow._seen(p, False), near_rad) for p in parts])
         return odds + self._expected(directions)
 
-    def starts(self, matches: Matches, most: int) -> tuple[Array, Array]:
+    def starts(
+        self, matches: Matches, most: int, n_pairs: int = 800, n_grid: int = 48
+    ) -> tuple[Array, Array]:
         """Upright poses (k, 2) to be led to their peaks, likeliest first, at most so many.
 
-        matches: bearings and slopes of a and b. Two of them determine a pose; others are of a grid
-        of all directions and headings, whose log-odds are the second answer.
+        matches: bearings and slopes of a and b. Two of them determine up to four poses, so many
+        pairs are drawn; others are of a grid of so many directions and as many headings, whose
+        log-odds are the second answer.
         """
-        grid = np.arange(_GRID) * (2 * np.pi / _GRID)
+        grid = np.arange(n_grid) * (2 * np.pi / n_grid)
         every = np.stack(np.meshgrid(grid, grid, indexing="ij"), axis=-1).reshape(-1, 2)
         share = self.chance / self.chance.sum()
         draws = generator(0, "pairs of matches", len(share))
-        pairs = draws.choice(len(share), (_PAIRS, 2), p=share)
+        pairs = draws.choice(len(share), (n_pairs, 2), p=share)
         pairs = pairs[pairs[:, 0] != pairs[:, 1]]
         poses = np.concatenate([np.column_stack(from_two(matches, pairs)), every])
         rough = self.coarse(poses, _ROUGH_RAD)
@@ -116,7 +117,7 @@ class Likelihood:
         while len(left) and len(kept) < most:
             kept = np.concatenate([kept, left[:1]])
             left = left[np.abs(wrap_angle_rad(left - left[0])).max(axis=1) > _APART_RAD]
-        return kept, rough[-len(every) :].reshape(_GRID, _GRID)
+        return kept, rough[-len(every) :].reshape(n_grid, n_grid)
 
     def peaks(self, starts: Array, tilted: bool, exact: bool = False) -> Peaks:
         """The peaks that are uphill of poses (k, 6). exact: near them, if they are nearly right."""
