@@ -293,6 +293,20 @@ def test_what_is_met_beyond_it_is_not_its_side(met_x_m: float, side_x_m: float) 
     assert felt.place.xy_m == pytest.approx([side_x_m, 0.0])
 
 
+@pytest.mark.parametrize(("sure", "std_m", "side_x_m"), [
+    (True, 1.0, 3.6), (True, 0.5, 5.0), (False, 1.0, 5.0),
+])  # fmt: skip
+def test_a_goal_that_was_surely_seen_may_be_nearer_than_it_is_believed(
+    sure: bool, std_m: float, side_x_m: float
+) -> None:
+    """As it was met: 0.6 m from its goal's wall a robot took the side to be 2 m farther in."""
+    ours = arrival(Standing(Pose(3.0, 0.0), 0.6))
+    seen = at(5.0, (0.0, sight_of(5.0, 60 if sure else 12)))
+    assert seen.is_sure(CONFIG) == sure
+    believed = replace(seen, place=Estimate(seen.place.xy_m, std_m**2 * np.eye(2)))
+    assert ours._felt(believed).place.xy_m == pytest.approx([side_x_m, 0.0])
+
+
 class BesideAWall(Standing):
     """Along a wall to the right, and before what may be a bush."""
 

@@ -43,6 +43,12 @@ class Estimate:
         """How far off it may be, in the direction in which least is known."""
         return float(np.sqrt(np.linalg.eigvalsh(self.covariance)[-1]))
 
+    def std_along_m(self, here: Pose) -> float:
+        """How much farther or nearer it may be."""
+        away = self.xy_m - here.xy_m
+        along = away / max(float(np.hypot(*away)), 1e-9)
+        return float(np.sqrt(along @ self.covariance @ along))
+
     def after(self, way_m: float, m2_per_m: float = _DRIFT_M2_PER_M) -> "Estimate":
         """The estimate after driving so far, its variance so much larger for each metre."""
         return self.unsure(float(np.sqrt(m2_per_m * way_m)))

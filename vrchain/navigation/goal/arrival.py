@@ -26,7 +26,8 @@ NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: i
 # other houses in 48 %, in suburbs of seeds 1343 and 1344.
 _AGAIN = 0.5
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
-_FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much
+_FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much,
+_FELT_STD = 2.0  # or, if it was surely seen, within so many standard deviations
 _AHEAD_RAD = 0.15
 _SHIFTS_M2_PER_M = 0.2  # the nearest side of what is wide is another as the robot drives
 _NEARLY_M = 2.2  # a goal may be so far away that can be got no nearer
@@ -243,12 +244,17 @@ class Arrival(Candidates):
     def _felt(self, candidate: Candidate) -> Candidate:
         """Its side is where the range ring meets something, once it is believed so near.
 
-        Not what is met beyond where it was seen last: the robot has passed it.
+        What is met before that is another thing, unless the goal was surely seen, whose side may be
+        as much nearer as it is unsure. Nor is what is met beyond where it was seen last: the robot
+        has passed it.
         """
         pilot, place = self.pilot, candidate.place
         bearing, range_m = place.seen_from(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
-        if range_m > _FEELS_M or not range_m - _FELT_M < ahead_m < REACH_M:
+        nearer_m = _FELT_M
+        if candidate.is_sure(pilot.config):
+            nearer_m = max(nearer_m, _FELT_STD * place.std_along_m(pilot.here))
+        if range_m > _FEELS_M or not range_m - nearer_m < ahead_m < REACH_M:
             return candidate  # what is before it is to be driven around
         met_xy_m = sighted(pilot.here, bearing, ahead_m).xy_m
         for stood, sight in candidate.sights[-1:]:
