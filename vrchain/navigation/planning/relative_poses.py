@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from math import prod
 
 import numpy as np
+from numpy.typing import ArrayLike, NDArray
 
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
@@ -117,17 +118,23 @@ class RelativePoses:
         pose, firm = known.pose, known.trust >= _FIRM
         if pose is None or known.trust < _TOLD:
             return _AGAINST
-        off = apart(pose, told)
+        differs = apart(pose, told)
         if firm:
-            return _FOR if off <= 1.0 else _DENIED if off > DIFFERENT else 1.0
-        return 1.0 if off <= 1.0 else _AGAINST
+            return _FOR if differs <= 1.0 else _DENIED if differs > DIFFERENT else 1.0
+        return 1.0 if differs <= 1.0 else _AGAINST
 
 
 def apart(one: Pose, other: Pose) -> float:
     """By how much two relative poses differ, in what still passes for agreement."""
     way_m = max(float(np.hypot(*one.xy_m)), float(np.hypot(*other.xy_m)))
     turned = abs(float(wrap_angle_rad(one.yaw_rad - other.yaw_rad)))
-    return max(one.distance_to_m(other.xy_m) / (_OFF_M + _OFF * way_m), turned / _OFF_RAD)
+    return float(off(one.distance_to_m(other.xy_m), way_m, turned))
+
+
+def off(apart_m: ArrayLike, way_m: ArrayLike, turned_rad: ArrayLike) -> NDArray[np.floating]:
+    """The same of metres and radians between, for the longer way; of any shape."""
+    by_place = np.asarray(apart_m) / (_OFF_M + _OFF * np.asarray(way_m))
+    return np.maximum(by_place, np.asarray(turned_rad) / _OFF_RAD)
 
 
 def baseline_m(found: Comparison, rig: CameraRig) -> float | None:

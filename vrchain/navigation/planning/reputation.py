@@ -9,11 +9,12 @@ believed, until nothing changes (as in HITS; Kleinberg, 1999).
 """
 
 from collections.abc import Mapping, Sequence
-from itertools import combinations
+from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from vrchain.geometry import Pose, placed, relative
+from vrchain.geometry import Pose, relative, wrap_angle_rad
 from vrchain.navigation.planning.odometry_links import HOLDS_M, Track
 from vrchain.navigation.planning.relative_poses import (
     DIFFERENT,
@@ -21,9 +22,11 @@ from vrchain.navigation.planning.relative_poses import (
     SURE,
     Pair,
     RelativePose,
-    apart,
+    off,
 )
 from vrchain.navigation.settings import robot_of
+
+Counts = NDArray[np.integer]
 
 EVEN = 0.5  # share of agreement from which a robot's word is taken as it is
 _BELIEVED = 4.0  # agreements that a robot is credited with: one mistake convicts nobody
@@ -65,30 +68,68 @@ def _votes(
     for (a, b), known in poses.items():
         if known.pose is None or known.trust < SURE or not {a, b} <= place.keys():
             continue
-        if place[a][0] > place[b][0]:
-            a, b, known = b, a, RelativePose(relative(known.pose, ORIGIN), known.trust)
-        if place[a][0] != place[b][0] and known.pose is not None:
-            joins.setdefault((place[a][0], place[b][0]), []).append((a, b, known.pose))
-    said: dict[tuple[str, str], dict[str, list[bool]]] = {}
+        one, other = place[a][0], place[b][0]
+        if one < other:
+            joins.setdefault((one, other), []).append((a, b, known.pose))
+        elif other < one:
+            joins.setdefault((other, one), []).append((b, a, relative(known.pose, ORIGIN)))
+    found: dict[tuple[str, str], tuple[int, int]] = {}
     for between in joins.values():
-        for (a, b, pose), (c, d, other) in combinations(between, 2):
-            mine, yours = relative(place[a][1], place[c][1]), relative(place[b][1], place[d][1])
-            ways_m = [float(np.hypot(*way.xy_m)) for way in (mine, yours)]
-            off = apart(placed(pose, yours), placed(mine, other))
-            if max(ways_m) > HOLDS_M or 1.0 < off <= DIFFERENT:
-                continue
-            for names, partner, way_m in (((a, c), b, ways_m[0]), ((b, d), a, ways_m[1])):
-                if way_m < _LEAST_M:  # only the other's word is tried
-                    continue
-                heard = said.setdefault((robot_of(names[0]), robot_of(partner)), {})
-                for name in names:
-                    heard.setdefault(name, []).append(off <= 1.0)
-    agreed = {pair: sum(map(_mostly, heard.values())) for pair, heard in said.items()}
-    # One of those that disagree may have been joined wrongly, and so put all others off.
-    return {
-        pair: (agreed[pair], max(0, len(heard) - agreed[pair] - 1)) for pair, heard in said.items()
-    }
+        names_a, names_b, told = zip(*between, strict=True)
+        mine, yours = (
+            _Ways.of([place[name][1] for name in names]).to_each() for names in (names_a, names_b)
+        )
+        joined = _Ways.of(told)
+        off = joined.each(0).then(yours).apart(mine.then(joined.each(1)))
+        clear = (np.maximum(abs(mine.to), abs(yours.to)) <= HOLDS_M) & ~(
+            (off > 1.0) & (off <= DIFFERENT)
+        )
+        for names, partner, way in ((names_a, names_b[0], mine), (names_b, names_a[0], yours)):
+            tried = clear & (abs(way.to) >= _LEAST_M)  # else only the other's word is
+            heard = _heard(names, tried.sum(axis=1), (tried & (off <= 1.0)).sum(axis=1))
+            pair = robot_of(names[0]), robot_of(partner)
+            before = found.get(pair, (0, 0))
+            found[pair] = before[0] + heard[0], before[1] + heard[1]
+    return found
 
 
-def _mostly(heard: Sequence[bool]) -> bool:
-    return 2 * sum(heard) >= len(heard)
+def _heard(names: Sequence[str], tried: Counts, agreed: Counts) -> tuple[int, int]:
+    """How many panoramas mostly agree, and mostly do not, of the joins of each.
+
+    One of those that do not may have been joined wrongly, and so put all others off.
+    """
+    _, own = np.unique(names, return_inverse=True)
+    heard, right = np.bincount(own, tried), np.bincount(own, agreed)
+    agree = int(((heard > 0) & (2 * right >= heard)).sum())
+    return agree, max(0, int((heard > 0).sum()) - agree - 1)
+
+
+@dataclass(frozen=True, eq=False)
+class _Ways:
+    """Poses on the plane, of any shape: where to, as complex metres, and the turn in radians."""
+
+    to: NDArray[np.complex128]
+    turn: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, poses: Sequence[Pose]) -> "_Ways":
+        x_m, y_m, yaw_rad = np.array([(p.x_m, p.y_m, p.yaw_rad) for p in poses]).T
+        return cls(x_m + 1j * y_m, yaw_rad)
+
+    def each(self, axis: int) -> "_Ways":
+        """Each in all columns (0), or in all rows (1)."""
+        return _Ways(np.expand_dims(self.to, 1 - axis), np.expand_dims(self.turn, 1 - axis))
+
+    def to_each(self) -> "_Ways":
+        """From each (rows) to each (columns)."""
+        here, there = self.each(0), self.each(1)
+        return _Ways((there.to - here.to) * np.exp(-1j * here.turn), there.turn - here.turn)
+
+    def then(self, onward: "_Ways") -> "_Ways":
+        return _Ways(self.to + onward.to * np.exp(1j * self.turn), self.turn + onward.turn)
+
+    def apart(self, other: "_Ways") -> NDArray[np.float64]:
+        """As ``relative_poses.apart``."""
+        ways_m = np.maximum(abs(self.to), abs(other.to))
+        turned = abs(wrap_angle_rad(self.turn - other.turn))
+        return np.asarray(off(abs(self.to - other.to), ways_m, turned))
