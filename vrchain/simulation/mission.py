@@ -156,18 +156,22 @@ def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict
     return published
 
 
-def index_of(ledger: Ledger, perception: Perception) -> LandmarkIndex[Look]:
+def index_of(
+    ledger: Ledger, perception: Perception, read: Callable[[bytes], bytes] | None = None
+) -> LandmarkIndex[Look]:
     """An index of what ``published_of`` names: a panorama with the record that its author signed.
 
     By the panorama alone another member could publish the same one with landmarks of its own.
+    read: the blob of a digest, from the ledger or wherever it is.
     """
+    read = read or ledger.payload
 
     def panorama(published: bytes) -> bytes:
-        return ledger.payload(published[:DIGEST_BYTES])
+        return read(published[:DIGEST_BYTES])
 
     def described(published: bytes) -> bytes | None:
         record = published[DIGEST_BYTES:]
-        return None if record == NO_BLOB else ledger.payload(record)
+        return None if record == NO_BLOB else read(record)
 
     return LandmarkIndex(panorama, described, perception.stored, perception.compare)
 

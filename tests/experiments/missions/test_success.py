@@ -17,6 +17,7 @@ from vrchain.experiments.missions.chains import PLACE, TrueChain
 from vrchain.experiments.missions.draw import Mission
 from vrchain.experiments.missions.drive import Conditions
 from vrchain.experiments.missions.success import (
+    MEANS,
     as_table,
     evaluate,
     routes_of,
@@ -58,6 +59,7 @@ def test_by_true_landmarks_robots_arrive_and_a_rerun_drives_nothing_again(
     assert (table.driven_m > 0).all() and (table.range_m <= 3.0).all()
     assert (table.seconds_simulated <= SHORT.config.limit_s + 1).all()
     assert (table.published > 6).all()  # three others, who drove about and published again
+    assert (table.ledger_mb > 0).all() and (table.ledger_mb < table.broadcast_mb).all()
     monkeypatch.setattr(success, "Suburb", None)  # nothing is left to do
     again, same = oracle(tmp_path)
     pd.testing.assert_frame_equal(table, again)
@@ -153,7 +155,8 @@ def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> di
         "arrived": success if arrived is None else arrived, "success": success, "reason": "",
         "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
         "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
-        "to_landmarks": 1, "barred": 3, "seconds_simulated": 200.0, "wall_s": 30.0,
+        "to_landmarks": 1, "barred": 3, "published": 80, "ledger_mb": 90.0,
+        "broadcast_mb": 400.0, "seconds_simulated": 200.0, "wall_s": 30.0,
         "clock_s": 500.0,
         "routes": [(0.6, False), (0.9, True)],
     }  # fmt: skip
@@ -177,7 +180,7 @@ def test_the_figures_of_made_up_missions() -> None:
     assert low <= ledger["success"] <= high
     assert ledger["chain_lengths"] == {"0": 2, "1": 2, "2": 2}
     assert ledger["rejected_draws"] == {"way too long": 12}
-    assert [ledger[name] for name in ("replans", "legs", "to_landmarks", "barred")] == [1, 2, 1, 3]
+    assert [ledger[name] for name in MEANS[:7]] == [1, 2, 1, 3, 80, 90, 400]
     assert ledger["success_150_s_ci"] == pytest.approx([0.0, 0.459], abs=1e-3)  # exact: 0 of 6
     assert ledger["seconds_simulated"] == 200
     assert ledger["wall_s_per_300_s"] == pytest.approx(18.0)

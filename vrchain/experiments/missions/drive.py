@@ -14,6 +14,7 @@ from vrchain.experiments.missions.draw import Ground, Mission
 from vrchain.experiments.missions.liars import LIES, lie
 from vrchain.experiments.missions.obstruction import Barred
 from vrchain.experiments.missions.oracle import Oracle
+from vrchain.experiments.missions.wire import Wire
 from vrchain.experiments.missions.wrong_edges import misled
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
@@ -118,7 +119,9 @@ class Suburb:
                 patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
                 patrol.drive(conditions.patrol_s)
                 robots[robot].body.others = patrol.drives
-            index, known = index_of(ledger, perception), published_of(ledger, robot, REMEMBERED)
+            wire = Wire(ledger)
+            index = index_of(ledger, perception, wire.read)
+            known = published_of(ledger, robot, REMEMBERED)
 
             def published() -> Mapping[str, Published]:
                 for p in (p for name in others for p in robots[name].publications):
@@ -131,11 +134,11 @@ class Suburb:
                 robot, robots[robot], published, index, goal, perception, conditions.config,
                 bars.tell,
             )  # fmt: skip
-            n_published = len(known())
+            sent = wire.sent(robot, len(others))
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds)
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
-        return {**row, "published": n_published, "barred": bars.rows, **costs}
+        return {**row, **sent, "barred": bars.rows, **costs}
 
     def _goal(self, mission: Mission) -> GoalPictures:
         poses = mission.goal_poses

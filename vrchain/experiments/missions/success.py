@@ -9,8 +9,8 @@ where they are.
 
 A hundred missions are ten in each of ten suburbs, the first ten one in each: even few missions say
 something of how suburbs differ. Each is saved as it ends, so that a run broken off, or asked for
-more missions, goes on with the next. Broadcasting every panorama to everyone would differ from
-ledger in bytes alone.
+more missions, goes on with the next. Broadcasting every panorama to everyone would lead to the same
+decisions, and differs in bytes alone: they are counted.
 
 A mission succeeds where the robot says that it arrived, and truth has it at the goal
 (docs/reference/definitions.md). ``summarise`` counts them by arm, ``as_table`` makes a table of it.
@@ -43,6 +43,10 @@ from vrchain.simulation.task import robot_names
 ARMS = ("ledger", "alone", "oracle")
 SUBURBS = 10  # of a hundred missions
 SOON_S = (150, 300)
+MEANS = (
+    "replans", "legs", "to_landmarks", "barred", "published", "ledger_mb", "broadcast_mb",
+    "seconds_simulated", "wall_s",
+)  # fmt: skip
 _TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are counted together
 
 
@@ -171,7 +175,7 @@ def summarise(table: pd.DataFrame, missions: Sequence[Mission]) -> dict[str, dic
 
     success, also within 150 and 300 s, and spl over all n missions; success_given_chain and
     spl_chain over the n_with_chain that a chain leads through; false_arrivals and collisions are
-    counts; replans, legs, to_landmarks, barred, seconds_simulated and wall_s are means;
+    counts; ``MEANS`` are means, what a mission sends by the ledger and by broadcast among them;
     wall_s_per_300_s is what five simulated minutes cost, the patrol's among them. Of ledger,
     times_alone: its successes over those of alone. Also how many missions need how many landmarks,
     and how many draws were rejected for what; and of routes driven, by the trust in them, how many
@@ -216,7 +220,7 @@ def _summary(own: pd.DataFrame, told: Bootstrap) -> dict[str, object]:
     found |= told.mean("spl_chain", spl_chain, chained.suburb)
     found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
     found["collisions"] = int(own.collisions.sum())
-    for name in ("replans", "legs", "to_landmarks", "barred", "seconds_simulated", "wall_s"):
+    for name in MEANS:
         found[name] = float(own[name].mean())
     found["wall_s_per_300_s"] = float(300 * own.wall_s.sum() / own.clock_s.sum())
     return found
@@ -238,8 +242,7 @@ def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     names = (
         "n", "n_with_chain", "success", *(f"success_{s}_s" for s in SOON_S),
         "success_given_chain", "times_alone", "spl", "spl_chain",
-        "false_arrivals", "collisions", "replans", "legs", "to_landmarks", "barred",
-        "seconds_simulated", "wall_s", "wall_s_per_300_s",
+        "false_arrivals", "collisions", *MEANS, "wall_s_per_300_s",
     )  # fmt: skip
     return table_of(summary, names, "arm", ".2f")
 
