@@ -18,8 +18,9 @@ class Wire:
         return blob
 
     def sent(self, robot: str, n_receivers: int) -> dict[str, float]:
-        """published: transactions of all but the driving robot; ledger_mb: landmark records to all receivers, panoramas to who
-        read them; broadcast_mb: both to all. In megabytes."""
+        """published: transactions of all but the driving robot. In megabytes: ledger_mb: landmark
+        records to all receivers, panoramas to who read them; broadcast_mb: both to all.
+        """
         history = [t for name in self._ledger.robots for t in self._ledger.history(name)]
         panoramas, records = (
             {d: len(self._ledger.payload(d)) for d in digests if d != NO_BLOB}
