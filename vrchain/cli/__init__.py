@@ -18,7 +18,7 @@ from vrchain.cli import (
     bags,
     bench,
     cluster,
-    evaluate_database,
+    evaluate_driving,
     ledger,
     panorama,
     research,
@@ -42,7 +42,7 @@ app.add_typer(cluster.app, name="cluster")
 app.add_typer(bags.app, name="bag")
 app.add_typer(robot.app, name="robot")
 app.add_typer(bench.app, name="bench")
-app.add_typer(evaluate_database.app, name="evaluate")
+app.add_typer(evaluate_driving.app, name="evaluate")
 app.command()(robots.landmarks)
 app.command()(robots.navigate)
 app.command()(research.reproduce)

@@ -56,7 +56,7 @@ def landmarks(
     from vrchain.experiments.landmarks import precision as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    folder = _folder(output, "landmarks", seed, allow_training_seeds)
+    folder = kept_folder(output, "landmarks", seed, allow_training_seeds)
     rows = [experiment.row(name) for name in variant or experiment.ROWS]
     found = experiment.evaluate(scenes_of(spec), pairs, spacing, rows, seed=seed, folder=folder)
     tell(experiment.summarise(*found), as_json, experiment.as_table)
@@ -84,7 +84,7 @@ def degraded(
     from vrchain.experiments.scenes import scenes_of
     from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 
-    folder = _folder(output, "degraded", seed, allow_training_seeds)
+    folder = kept_folder(output, "degraded", seed, allow_training_seeds)
     variants = [variant_named(name) for name in variant or ("sift", DEFAULT)]
     found = experiment.evaluate_ways(
         scenes_of(spec), pairs, spacing, variants, seed=seed, folder=folder
@@ -115,7 +115,7 @@ def strangers(
     from vrchain.experiments.scenes import scenes_of
     from vrchain.landmarks.matching.variants import DEFAULT, variant_named
 
-    folder = _folder(output, "strangers", seed, allow_training_seeds)
+    folder = kept_folder(output, "strangers", seed, allow_training_seeds)
     variants = [variant_named(name) for name in variant or [DEFAULT]]
     found = experiment.strangers(scenes_of(spec), pairs, variants, seed=seed, folder=folder)
     _tell_rows(experiment.accused(found), as_json, experiment.as_text)
@@ -187,125 +187,10 @@ def search(
     from vrchain.experiments.landmarks import retrieval as experiment
     from vrchain.experiments.scenes import scenes_of
 
-    folder = _folder(output, "search", seed, allow_training_seeds)
+    folder = kept_folder(output, "search", seed, allow_training_seeds)
     config = experiment.SearchConfig(panoramas, goals, by_sift)
     found = experiment.evaluate(scenes_of(spec), suburbs, config, seed=seed, folder=folder)
     tell(experiment.summarise(found), as_json, experiment.as_text)
-
-
-@app.command()
-def homing(
-    spec: SpecOrSuburb = SUBURB,
-    places: Annotated[
-        int, typer.Option(min=1, help="To home to, two in each suburb; 20 to report.")
-    ] = 2,
-    method: Annotated[
-        list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
-    ] = None,
-    seed: Seed = 3000,
-    allow_training_seeds: AllowTrainingSeeds = False,
-    jobs: Jobs = None,
-    output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Home to places from up to 5 m around by ours and by known methods, with and without compass.
-
-    About 300 starts a place, minutes each. no_answer counts as 90 degrees; return_ratio is over the
-    starts whose straight way is free. Intervals: 95 %, bootstrap over suburbs. Broken off, the same
-    command goes on.
-    """
-    from vrchain.experiments import homing as experiment
-    from vrchain.experiments.scenes import scenes_of
-
-    folder, rows = _folder(output, "homing", seed, allow_training_seeds), method or experiment.ROWS
-    found = experiment.evaluate(
-        scenes_of(spec), places, rows, seed=seed, folder=folder, jobs=jobs
-    )  # fmt: skip
-    tell(experiment.summarise(found), as_json, experiment.as_table)
-
-
-@app.command()
-def navigation(
-    spec: SpecOrSuburb = SUBURB,
-    missions: Annotated[
-        int, typer.Option(min=1, help="By turns in ten suburbs; 100 to report.")
-    ] = 10,
-    robots: Annotated[
-        int, typer.Option(min=2, max=20, help="How many, the driving one among them.")
-    ] = 5,
-    arms: Annotated[
-        list[str] | None, typer.Option(metavar="A", help="ledger, alone, oracle; all if none.")
-    ] = None,
-    to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
-    landmarks: Annotated[
-        int, typer.Option(min=0, help="In each chain at least; if 0, two in every third.")
-    ] = 0,
-    patrol: Annotated[
-        float, typer.Option(metavar="S", help="For how long the others are under way before.")
-    ] = 300.0,
-    wrong_edges: Annotated[
-        float, typer.Option(metavar="P", help="Share of the landmark graph's edges to make wrong.")
-    ] = 0.0,
-    barred: Annotated[
-        float, typer.Option(metavar="P", help="Share of legs with an obstacle nobody knows of.")
-    ] = 0.0,
-    liars: Annotated[
-        int, typer.Option(min=0, help="How many of the others publish what is not so.")
-    ] = 0,
-    lie: Annotated[
-        str, typer.Option(help="odometry, elsewhere, old, photograph or nothing.")
-    ] = "odometry",
-    no_reputation: Annotated[
-        bool, typer.Option("--no-reputation", help="Every robot is believed how it moved.")
-    ] = False,
-    seed: Seed = 3000,
-    allow_training_seeds: AllowTrainingSeeds = False,
-    jobs: Jobs = None,
-    output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Send robots to goals out of their sight: with the ledger, alone, and with true landmarks.
-
-    Minutes a mission. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes
-    on.
-    """
-    from vrchain.experiments.missions import success as experiment
-    from vrchain.experiments.missions.drive import Conditions
-    from vrchain.experiments.scenes import scenes_of
-    from vrchain.navigation.settings import MissionConfig
-
-    folder = _folder(output, "navigation", seed, allow_training_seeds)
-    config = MissionConfig(reputation=not no_reputation)
-    conditions = Conditions(patrol, wrong_edges, barred, liars, lie, config)
-    found = experiment.evaluate(
-        scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
-        to_places=to_places, landmarks=landmarks, conditions=conditions, jobs=jobs,
-    )  # fmt: skip
-    tell(experiment.summarise(*found), as_json, experiment.as_text)
-
-
-@app.command()
-def goals(
-    spec: SpecOrSuburb = SUBURB,
-    suburbs: Suburbs = 4,
-    most: Annotated[int, typer.Option("--goals", min=1, help="Of each suburb, at most.")] = 14,
-    seed: Seed = 3000,
-    allow_training_seeds: AllowTrainingSeeds = False,
-    jobs: Jobs = None,
-    output: Output = None,
-    as_json: Json = False,
-) -> None:
-    """Look at goals, and at all other houses, from all sides: which are taken for the goal?
-
-    A minute or two a suburb. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command
-    goes on.
-    """
-    from vrchain.experiments.missions import goals as experiment
-    from vrchain.experiments.scenes import scenes_of
-
-    folder = _folder(output, "goals", seed, allow_training_seeds)
-    found = experiment.evaluate(scenes_of(spec), suburbs, most, seed=seed, folder=folder, jobs=jobs)
-    tell(experiment.summarise(found), as_json, experiment.as_table)
 
 
 def tell(found: Any, as_json: bool, text: "Callable[[Any], str | pd.DataFrame]") -> None:
@@ -322,7 +207,7 @@ def _tell_rows(rows: "pd.DataFrame", as_json: bool, text: "Callable[[pd.DataFram
     tell(found, as_json, lambda _: text(rows))
 
 
-def _folder(output: Path | None, name: str, seed: int, allow_training_seeds: bool) -> Path:
+def kept_folder(output: Path | None, name: str, seed: int, allow_training_seeds: bool) -> Path:
     """Where results are kept. MissionError for a seed, OutputError where none can be kept."""
     if seed < FIRST_SEED and not allow_training_seeds:
         raise MissionError(

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
+from blind import blind
 from hamlet import the_hamlet
-from plains import CALIBRATION
 from sights import RIG
 
 from vrchain.experiments.missions import draw, drive, success
@@ -26,11 +26,6 @@ from vrchain.experiments.missions.success import (
 )
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
-from vrchain.landmarks.extraction.proposer import nothing
-from vrchain.landmarks.extraction.record import LandmarkRecord
-from vrchain.landmarks.extraction.sift import NO_FEATURES
-from vrchain.landmarks.matching.common import Comparison
-from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import MissionConfig
 from vrchain.simulation.simulator import Simulator
 
@@ -88,15 +83,6 @@ def test_to_a_place_robots_arrive_within_a_metre(tmp_path: Path) -> None:
     assert drawn[0].goal == PLACE
     assert table.success.all() and (table.range_m <= 1.0).all(), table.reason.to_list()
     assert (table.collisions == 0).all()
-
-
-def blind(*weights: Path) -> Perception:
-    """Eyes that see nothing."""
-    record = LandmarkRecord(RIG, "ab" * 32, nothing(), NO_FEATURES)
-    look = Look(RIG, nothing(), lambda: NO_FEATURES, record=record)
-    return Perception(
-        lambda s: look, lambda *s: look, lambda a, b: Comparison((), None), CALIBRATION
-    )
 
 
 def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(

@@ -128,7 +128,7 @@ class Ground:
         target = int(draws.choice(goals)) if goals else None
         n = len(names) + (target is None)
         if places is None:
-            stands, views = self._stands(draws, n, room), Views(self.truth, self.rig, self.free)
+            stands, views = self.stands(draws, n, room), Views(self.truth, self.rig, self.free)
         else:
             stands, views = draws.choice(places[0], n, replace=False), places[1]
         xy_m = stands[:, :2]
@@ -142,9 +142,8 @@ class Ground:
             zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
-        least_m = min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
-        if not least_m <= way_m <= WAY_M[1]:
-            return "way too short" if way_m < least_m else "way too long"
+        if not self._least_m <= way_m <= WAY_M[1]:
+            return "way too short" if way_m < self._least_m else "way too long"
         if target is None:
             in_view = len(views.shared(poses[0], poses[-1])) > 0
         else:
@@ -163,6 +162,24 @@ class Ground:
             return "goal cannot be pictured"
         return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
 
+    def within_reach(
+        self, pose: Pose, target: int, seed: int, views: Views
+    ) -> tuple[float, tuple[Pose, ...]] | None:
+        """How far a goal is, and from where it is pictured; None: no mission leads there.
+
+        views: of this scene, for several goals.
+        """
+        zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
+        way_m = float(views.far_m(pose)[zone].min()) if len(zone) else np.inf
+        pictured = tuple(self._pictured(target, seed))
+        if not self._least_m <= way_m <= WAY_M[1] or views.any_of(target, pose):
+            return None
+        return (way_m, pictured) if len(pictured) == GOAL_PICTURES else None
+
+    @property
+    def _least_m(self) -> float:
+        return min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
+
     def room(self, to_places: bool = False) -> tuple[int, list[int]]:
         """The region that missions are drawn in, and its goals. MissionError if it has none."""
         goals = [] if to_places else goal_ids(self.scene, None)
@@ -174,7 +191,7 @@ class Ground:
             )
         return room, near
 
-    def _stands(self, draws: np.random.Generator, n: int, room: int) -> Array:
+    def stands(self, draws: np.random.Generator, n: int, room: int) -> Array:
         """Free places of a region and headings, (n, 3): metres and radians."""
         within_m = self.free.points_m[self.free.region == room]
         points_m = within_m[draws.integers(len(within_m), size=n)]
@@ -184,6 +201,6 @@ class Ground:
         """The stands of a suburb that missions with long chains are among."""
         key = seed, k, room
         if key not in self._places:
-            stands = self._stands(generator(seed, "places of missions", k), _PLACES, room)
+            stands = self.stands(generator(seed, "places of missions", k), _PLACES, room)
             self._places[key] = stands, Views(self.truth, self.rig, self.free)
         return self._places[key]
