@@ -39,6 +39,7 @@ def test_figures_are_what_the_definitions_say() -> None:
     assert found["recall"] == pytest.approx(2 / 10)
     assert found["false_claim_rate"] == 1.0
     assert (found["twin_claims"], found["duplicates"]) == (1, 1)
+    assert found["precision_without_twins"] == pytest.approx(3 / 4)
     assert found["quality_m_median"] == 1.0
     assert found["direction_error_deg"] == 1.0
     assert found["direction_error_deg_answered"] == pytest.approx(2 / 3)

@@ -221,9 +221,11 @@ def summarise(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, dict[str, 
 def _summary(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, object]:
     counting = counted(claims, pairs)
     made = counting[~counting.duplicate.astype(bool)]
-    fair = pairs[pairs.co_visible > 0]
+    fair, apart = pairs[pairs.co_visible > 0], made[~made.twin.astype(bool)]
+    told = Bootstrap(pairs.suburb, "landmarks")
     found: dict[str, object] = {
-        **_rates(made, pairs, Bootstrap(pairs.suburb, "landmarks")),
+        **_rates(made, pairs, told),
+        **told.mean("precision_without_twins", apart.right, apart.suburb),
         "recall_at_precision": {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS},
         "twin_claims": int(made.twin.astype(bool).sum()),
         "duplicates": len(counting) - len(made),
@@ -310,6 +312,7 @@ def as_table(summary: dict[str, dict[str, Any]]) -> pd.DataFrame:
     """The main figures to read: one row a variant, intervals in brackets."""
     columns = {
         "n_pairs": "pairs", "pair_success": "pair_success", "precision": "precision",
+        "precision_without_twins": "without_twins",
         "recall": "recall", "false_claim_rate": "false_claim_rate",
         "recall_at_precision": "recall_at_precision", "twin_claims": "twins",
         "quality_m_median": "quality_m", "direction_error_deg": "direction_deg",
