@@ -1,21 +1,31 @@
 """What liars publish, and that they sense and drive as others do."""
 
+import json
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+import sights
 import worlds
+from blind import blind
+from hamlet import the_hamlet
 
 from vrchain.errors import MissionError
+from vrchain.experiments.missions import draw as drawing
+from vrchain.experiments.missions import drive as driving
 from vrchain.experiments.missions.drive import Conditions
 from vrchain.experiments.missions.liars import LIES, lie
+from vrchain.experiments.missions.success import evaluate
+from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
 from vrchain.landmarks.extraction.sift import NO_FEATURES
 from vrchain.ledger import verify
+from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.robot import Drive, UpdateRules
 from vrchain.simulation.simulator import Simulator
@@ -108,3 +118,24 @@ def test_lies_that_there_are_not() -> None:
         with pytest.raises(MissionError, match="0 liars or more"):
             Conditions(**bad)
     assert set(LIES) == {"odometry", "elsewhere", "old", "photograph", "nothing"}
+
+
+@pytest.mark.parametrize("kind", ["nothing", "elsewhere"])
+def test_a_ledger_of_only_liars_is_given_up_in_time(
+    kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(driving, "learned_perception", blind)
+    monkeypatch.setattr(drawing, "WAY_M", (12.0, 60.0))
+    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    monkeypatch.setattr(driving.Suburb, "_goal", lambda *mission: nowhere)
+    conditions = Conditions(6.0, liars=3, lie=kind, config=MissionConfig(limit_s=12.0))
+    table, _ = evaluate(
+        Scenes(the_hamlet, "hamlet", varied=False), 1, 4, ["ledger"], seed=3, folder=tmp_path,
+        rig=sights.RIG, conditions=conditions,
+    )  # fmt: skip
+    assert not table.arrived[0] and table.reason[0] == "out of time after 12 s"
+    (stored,) = tmp_path.rglob("*_ledger.json")
+    whys = {d["why"] for d in json.loads(stored.read_text())["log"] if d["what"] == "no route"}
+    said = {"nothing": "the ledger holds no panorama of another robot"}
+    assert whys == {said.get(kind, "no other robot's panorama shows the goal")}
+    assert (table.published[0] == 0) == (kind == "nothing")
