@@ -87,15 +87,6 @@ def tilted(panorama: Panorama, tilt_rad: float, axis_rad: float) -> Panorama:
     return Panorama(rig, views, seen)
 
 
-def tilted_by(degrees: float) -> Degradation:
-    """Tilted so far about a horizontal axis in some direction."""
-
-    def tilt(panorama: Panorama, draws: np.random.Generator) -> Panorama:
-        return tilted(panorama, np.radians(degrees), draws.uniform(-np.pi, np.pi))
-
-    return tilt
-
-
 def _each(panorama: Panorama, change: Callable[[Views], object]) -> Panorama:
     views = np.stack([np.asarray(change(view), dtype=np.uint8) for view in panorama.views])
     return replace(panorama, views=views)

@@ -18,7 +18,6 @@ from vrchain.experiments.landmarks.degradations import (
     exposed,
     noisy,
     sunflare,
-    tilted_by,
 )
 from vrchain.experiments.landmarks.precision import AS_DRAWN, Second, evaluate, summarise
 from vrchain.experiments.scenes import Scenes, remembered
@@ -40,6 +39,7 @@ class Way:
     height_m: float = CameraRig.camera_height_m
 
 
+TILTS = {f"tilt {degrees:g} degrees": degrees for degrees in (1.0, 2.0, 5.0)}
 WAYS = (
     Way("none"),
     *(
@@ -51,9 +51,9 @@ WAYS = (
             "twice the light": exposed(2.0),
             "sunflare": sunflare,
             "JPEG quality 20": compressed,
-            **{f"tilt {degrees:g} degrees": tilted_by(degrees) for degrees in (1.0, 2.0, 5.0)},
         }.items()
     ),
+    *(Way(name, Second(name, tilt_deg=degrees)) for name, degrees in TILTS.items()),
     Way("half resolution", both=at_half_resolution),
     *(Way(f"cameras {height_m:g} m high", height_m=height_m) for height_m in (0.3, 0.5, 1.5, 2.0)),
     Way("second camera 0.5 m higher", Second("higher", rise_m=0.5)),

@@ -14,15 +14,16 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import Bootstrap, or_none, ratio, shown, table_of
 from vrchain.experiments.kept import folder_of, kept_each
-from vrchain.experiments.landmarks.degradations import Degradation, unchanged
+from vrchain.experiments.landmarks.degradations import Degradation, tilted, unchanged
 from vrchain.experiments.landmarks.pairs import draw_pairs, judged
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
-from vrchain.landmarks.extraction.sift import Features, mutual_matches
+from vrchain.landmarks.extraction.sift import Directions, Features, mutual_matches
 from vrchain.landmarks.matching.calibration import expected_calibration_error
 from vrchain.landmarks.matching.common import (
     CommonLandmark,
@@ -32,6 +33,7 @@ from vrchain.landmarks.matching.common import (
     support_score,
 )
 from vrchain.landmarks.matching.epipolar import estimate
+from vrchain.landmarks.matching.levelling import upright
 from vrchain.landmarks.matching.variants import DEFAULT, Variant, sift, variant_named
 from vrchain.landmarks.quality import names_in_common, pose_errors_deg
 from vrchain.panorama import CameraRig, Panorama
@@ -60,14 +62,15 @@ def row(name: str) -> Variant:
 
 @dataclass(frozen=True)
 class Second:
-    """How the second panorama of each pair differs from the first: in its picture, or its height.
+    """How the second panorama of each pair differs from the first: in its picture, height or tilt.
 
-    name: under which what is found is kept.
+    name: under which what is found is kept. tilt_deg: of its cameras, about an axis that is drawn.
     """
 
     name: str
     spoil: Degradation = unchanged
     rise_m: float = 0.0
+    tilt_deg: float = 0.0
 
     def rig(self, first: CameraRig) -> CameraRig:
         """The second robot's cameras."""
@@ -148,7 +151,11 @@ def _suburb(
     rigs = rig, second.rig(rig)
     for number, poses in enumerate(drawn):
         a, b = (renderer.render(*own) for own in zip(poses, rigs, strict=True))
-        b = second.spoil(b, generator(seed, second.name, k, number))
+        draws = generator(seed, second.name, k, number)
+        b = second.spoil(b, draws)
+        axis_rad, tilt_rad = float(draws.uniform(-np.pi, np.pi)), float(np.radians(second.tilt_deg))
+        if tilt_rad:
+            b = tilted(b, tilt_rad, axis_rad)
         looks = [looks_of(panorama, variants) for panorama in (a, b)]
         shared = names_in_common(truth, *poses, rigs)
         for variant in variants:
@@ -160,6 +167,9 @@ def _suburb(
             else:
                 found = variant.compare(a, b)
             ms = (perf_counter() - start) * 1e3
+            if tilt_rad:  # truth is asked along upright rays
+                turn = tilt_rad * np.array([np.cos(axis_rad), np.sin(axis_rad)])
+                found, features = _upright(found, features, turn)
             which = {"pair": number, "variant": variant.name}
             claims += [which | row for row in judged(found, truth, poses, features, rigs, shared)]
             direction, heading = pose_errors_deg(found.geometry, *poses)
@@ -176,6 +186,19 @@ def _suburb(
                 }
             )
     return {"claims": claims, "pairs": pairs}
+
+
+def _upright(
+    found: Comparison, features: tuple[Features, Features], tilt_rad: NDArray[np.float64]
+) -> tuple[Comparison, tuple[Features, Features]]:
+    """What was found, as if B's cameras had seen it that are not tilted about x and y by (2,)."""
+    common = tuple(
+        c
+        if c.mask_b is None
+        else replace(c, mask_b=upright(Directions(*c.mask_b.T), tilt_rad).directions)
+        for c in found.common
+    )
+    return replace(found, common=common), (features[0], upright(features[1], tilt_rad))
 
 
 def looks_of(panorama: Panorama, variants: Sequence[Variant]) -> dict[Any, Any]:

@@ -45,10 +45,10 @@ def tilts(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> tuple[Array
     starts, _ = likelihood.starts(directions, _LED, _PAIRS, _GRID)
     poses = np.zeros((len(starts), 6))
     poses[:, :2] = starts
-    upright = likelihood.peaks(poses, tilted=False)
-    tilted = likelihood.peaks(upright.poses, tilted=True)
+    straight = likelihood.peaks(poses, tilted=False)
+    tilted = likelihood.peaks(straight.poses, tilted=True)
     best = int(tilted.log_evidence.argmax())
-    if tilted.log_evidence[best] < upright.log_evidence.max() + _CLEARLY:
+    if tilted.log_evidence[best] < straight.log_evidence.max() + _CLEARLY:
         return None
     return tilted.poses[best, 2:4], tilted.poses[best, 4:]
 
@@ -66,24 +66,25 @@ def _level(record: LandmarkRecord, tilt_rad: Array) -> LandmarkRecord:
     return replace(
         record,
         proposals=_proposals(record.proposals, tilt_rad, record.rig),
-        features=_turned(record.features, tilt_rad),
-        spots=_turned(record.spots, tilt_rad),
+        features=upright(record.features, tilt_rad),
+        spots=upright(record.spots, tilt_rad),
     )
 
 
-def _turned(seen: Seen, tilt_rad: Array) -> Seen:
+def upright(seen: Seen, tilt_rad: Array) -> Seen:
+    """What a camera tilted about x and y by (2,) sees, in the directions of an upright one."""
     return seen.along(raised(seen.rays, tilt_rad[None])[0])
 
 
 def _proposals(own: Proposals, tilt_rad: Array, rig: CameraRig) -> Proposals:
     right, left, low, high = own.box.T
     middle = (right + left) / 2
-    lower, upper = (_turned(Directions(middle, slope), tilt_rad) for slope in (low, high))
+    lower, upper = (upright(Directions(middle, slope), tilt_rad) for slope in (low, high))
     aside = (wrap_angle_rad(lower.bearing_rad + upper.bearing_rad - 2 * middle)) / 2
     grid = np.full(ROWS // CELL_PX * (columns_of(rig) // CELL_PX), -1)
     grid[own.cell] = own.owner
     every = Directions(*directions_of(np.arange(len(grid)), rig))
-    was = _turned(every, -tilt_rad)
+    was = upright(every, -tilt_rad)
     cell, inside = cells_at(was.bearing_rad, was.slope, rig)
     owner = np.where(inside, grid[cell], -1)
     return replace(
