@@ -32,7 +32,9 @@ BLOCKS, OFFERS, MAKER, SAID, HEADS = "block", "offer", "maker", "chain.block", "
 REFUSED = "refused"  # what makers tell a robot of its offers
 OFFERS_WAITING = 64  # of one robot, before the servers refuse the next
 OFFERS_BYTES = 1 << 30  # of all robots
-ACK_WAIT_S = 5.0  # after which an offer goes to another maker
+ACK_WAIT_S = 5.0  # after which an offer that a maker took is given out again
+MAKERS = "makers"  # of which one at a time is given offers,
+PINNED_S = 5.0  # until it has asked for none for so long
 DUPLICATES_S = 120.0  # for which servers know a message that they have stored
 _LOOK_S = 2.0  # between two questions for the newest, should what is said be missed
 _LAGS_S = 2.0  # for which a replica may be behind
@@ -250,12 +252,19 @@ def set_up(connection: Connection, replicas: int, max_bytes: int = -1) -> None:
         max_ack_pending=4 * OFFERS_WAITING,
     )  # fmt: skip
 
+    # A robot's offers are in order: two makers that got every second one would wait for each other.
+    pinned = {
+        "priority_groups": [MAKERS], "priority_policy": "pinned_client",
+        "priority_timeout": int(PINNED_S * 1e9),
+    }  # fmt: skip
+    asked = {"stream_name": OFFERS, "config": maker.as_dict() | pinned}
+
     async def add(client: "Client") -> None:
         stream = client.jetstream(timeout=connection.servers.timeout_s)
         for config in (blocks, offers):
             made = stream.add_stream(config)
             await connection.permitted(f"$JS.API.STREAM.CREATE.{config.name}", made)
-        await stream.add_consumer(OFFERS, maker)
+        await _ask(client, f"CONSUMER.DURABLE.CREATE.{OFFERS}.{MAKER}", asked)
 
     connection.run(add, 3 * connection.servers.timeout_s)
 
@@ -276,10 +285,15 @@ def _readable(data: bytes | None, height: int) -> Given | None:
 
 
 async def _info(client: "Client", stream: str, subject: str = "") -> dict[str, Any]:
+    return await _ask(
+        client, f"STREAM.INFO.{stream}", {"subjects_filter": subject} if subject else {}
+    )
+
+
+async def _ask(client: "Client", what: str, asked: dict[str, Any]) -> dict[str, Any]:
     from nats.js.errors import APIError
 
-    asked = json.dumps({"subjects_filter": subject}) if subject else ""
-    answer = await client.request(f"$JS.API.STREAM.INFO.{stream}", asked.encode(), timeout=5)
+    answer = await client.request(f"$JS.API.{what}", json.dumps(asked).encode(), timeout=5)
     told = json.loads(answer.data)
     if "error" in told:
         APIError.from_error(told["error"])
