@@ -78,6 +78,8 @@ def test_a_ledger_is_watched_as_it_changes_and_the_last_view_stays(
     assert seen.notes == ("waiting: 1",) and "R2" in repr(seen)
     assert [list(view.blocks.height) for view in views[:2]] == [[3, 4, 5], [4, 5, 6]]
     assert repr(views[-1]) == repr(seen) and "<table" in seen._repr_html_()
+    monkeypatch.undo()
+    assert list(vr.watch(tmp_path / "ledger", seconds=0).blocks.height) == [0, 1, 2, 3, 4, 5, 6]
 
 
 def test_a_view_is_shown_where_a_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:

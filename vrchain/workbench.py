@@ -171,7 +171,7 @@ def watch(
     lines: list[tuple[int, str, str]] = []
     seen, show = _watched(lines, [], 0), _shown()
     with open_ledger(ledger, folder, writable=False) as opened:
-        lines += [_line(entry) for entry in opened.entries(opened.head.height - newest + 1)]
+        lines += [_line(entry) for entry in opened.entries(max(0, opened.head.height - newest + 1))]
         for entries, news in watched(opened, seconds):
             lines = [*lines, *map(_line, entries)][-newest:]
             told = [result for result, _ in news]

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _PIN, _ANOTHER = "Nats-Pin-Id", "423"  # ADR 42 of NATS, pinned clients
 _ASK_S = 2.0  # for which the servers answer one request for offers
+_PAUSE_S = 0.005  # before the next one, should they refuse it at once
 
 
 class Waiting(NamedTuple):
@@ -39,12 +40,17 @@ class Offers:
 
     def take(self, most: int, wait_s: float) -> list[Waiting]:
         """Offers that nobody else holds, none if none has come for ``wait_s``."""
-        if self._open < most or time.monotonic() > self._until_s:
-            self._connection.run(lambda client: self._ask(client, most))
-        with self._news:
-            self._news.wait_for(lambda: self._came, wait_s)
-            taken, self._came = self._came[:most], self._came[most:]
-        return taken
+        until_s = time.monotonic() + wait_s
+        while True:
+            if self._open < most or time.monotonic() > self._until_s:
+                self._connection.run(lambda client: self._ask(client, most))
+            with self._news:  # a request that ends meanwhile is made anew, or what comes would wait
+                left_s = until_s - time.monotonic()
+                self._news.wait_for(lambda: self._came or not self._open, left_s)
+                if self._came or time.monotonic() > until_s:
+                    taken, self._came = self._came[:most], self._came[most:]
+                    return taken
+            time.sleep(_PAUSE_S)
 
     def done(self, *offers: Waiting) -> None:
         """They are in a block, or refused: the servers forget them."""
@@ -85,6 +91,7 @@ class Offers:
                 self._news.notify_all()
             else:  # a request has ended
                 self._open = 0
+                self._news.notify_all()
                 if (message.headers or {}).get("Status") == _ANOTHER:
                     self._pin = ""
 
