@@ -91,10 +91,10 @@ def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFram
 def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
     """Flip one bit in a stopped server's store; is it noticed, named, mended?
 
-    One row: server, messages, lost_there (of them, once it is back), named (by the status of the
-    cluster, and by a follower that asks this server first), follower_blocks (that it gets from the
-    servers as they are then), alarms (how many it gave), after_cure (messages once its store was
-    wiped), verified.
+    One row: server, messages, lost_there (of them, once it is back, as ``Cluster.status`` says of
+    it), follower_blocks (that a new folder gets from the servers as they are then), alarms (how
+    many it gave: whichever server answers, most have the block), after_cure (messages once its
+    store was wiped), verified.
     """
     with team(2, seed) as made:
         made.kill_maker()
@@ -123,7 +123,6 @@ def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
         ):
             follower.catch_up()
             alarms, got = follower.alarms, follower.head.height
-            asked = stream.connection.server
         made.cluster.stop(server)
         shutil.rmtree(store)
         made.cluster.restart(server)
@@ -138,7 +137,6 @@ def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
                 "server": server,
                 "messages": height + 1,
                 "lost_there": lost,
-                "named": lost > 0 and all(asked in alarm for alarm in alarms),
                 "follower_blocks": got + 1,
                 "alarms": len(alarms),
                 "after_cure": cured,
