@@ -191,7 +191,7 @@ def regions_figure(table: pd.DataFrame, note: str = "") -> Figure:
         received.containers[0], [in_units(n, BYTES) for n in table.received_bytes], padding=3
     )
     received.xaxis.set_major_formatter(lambda size, _: in_units(size, BYTES))
-    received.xaxis.set_major_locator(MaxNLocator(4))
+    received.xaxis.set_major_locator(MaxNLocator(4, prune="upper"))
     received.set(title="What a robot receives", xlabel="bytes")
     for k, (share, colour, name) in enumerate(
         (
