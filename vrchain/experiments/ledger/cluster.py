@@ -184,8 +184,9 @@ def update_over_servers(payloads: Sequence[bytes], *, seed: int = 0) -> pd.DataF
     rows = []
     with team(2, seed) as made, ExitStack() as stack:
         ledgers = {robot: stack.enter_context(made.open(robot)) for robot in made.robots}
+        first = ledgers["R1"].publish("R1", made.keys["R1"], b"warm", "start", 0)
         for ledger in ledgers.values():
-            ledger.wait_until_followed(PATIENCE_S)
+            _await(ledger, first)
         for number, payload in enumerate(payloads):
             robot = made.robots[number % len(ledgers)]
             start_ns = time.perf_counter_ns()
