@@ -224,6 +224,7 @@ def publish_flat_out(
     key, draws, waits_ms = simulated_key(seed, robot), generator(seed, "flat out", robot), []
     with open_ledger(address, folder) as ledger:
         assert isinstance(ledger, RobotLedger)
+        ledger.wait_until_followed(PATIENCE_S)  # a new folder reads a long chain first
         first = ledger.publish(robot, key, b"warm", "start", time.time_ns())
         ledger.wait(first, PATIENCE_S)
         until_s = time.monotonic() + seconds

@@ -155,7 +155,7 @@ def _killed_robot(made: Team, robot: str) -> set[bytes]:
     )  # fmt: skip
     with made.open("watch") as watch:
         watch.wait_until_followed(PATIENCE_S)
-        until_s, before = time.monotonic() + PATIENCE_S, watch.latest(robot)
+        until_s, before = time.monotonic() + 2 * PATIENCE_S, watch.latest(robot)
         known = before.sequence if before else -1
         while (last := watch.latest(robot)) is None or last.sequence < known + 3:
             if time.monotonic() > until_s:
