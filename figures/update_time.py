@@ -1,4 +1,4 @@
-"""Update time of R1 and R2 over 40 and 200 positions."""
+"""Update time of R1 and R2 over 40 and 200 positions in a folder, and beside it over servers."""
 
 import pandas as pd
 
@@ -8,10 +8,13 @@ from vrchain.plots.scripts import Drawn, run_script
 
 
 def draw(results: Results) -> Drawn:
-    """Each update as a point, the two smaller numbers of positions."""
+    """Each update as a point, the two smaller numbers of positions; over servers the smallest."""
     updates = dict(list(results.updates().items())[:2])
-    table = pd.concat(updates, names=["positions"]).reset_index("positions")
-    return update_time_figure(updates, results.note()), table
+    over = results.update_servers()
+    tables = [table.assign(positions=n, over="folder") for n, table in updates.items()]
+    if over is not None:
+        tables.append(over.assign(positions=len(over), over="servers"))
+    return update_time_figure(updates, results.note(), over), pd.concat(tables)
 
 
 if __name__ == "__main__":

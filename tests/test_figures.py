@@ -20,8 +20,8 @@ from vrchain.plots.scripts import FigureError, figure_names, run_scripts
 EXPECTED = [
     "barn_map", "common_landmarks", "home_vectors", "landmark_quality", "ledger",
     "ledger_size", "mission", "panorama", "planner", "precision_recall", "proposals",
-    "retrieval_time", "scene_map", "table", "team_graph", "transmission", "update_stages",
-    "update_time", "worst_mistakes",
+    "regions", "retrieval_time", "scene_map", "table", "team_graph", "transmission",
+    "update_stages", "update_time", "worst_mistakes",
 ]  # fmt: skip
 QUICKLY_DRAWN = [
     "landmark_quality", "ledger", "ledger_size", "precision_recall", "retrieval_time", "table",

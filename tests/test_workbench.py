@@ -4,13 +4,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from ledgers import KEYS, small_ledger
 from sights import look
 from worlds import yard
 
 import vrchain as vr
+from vrchain import workbench
 from vrchain.errors import ImageError, VRChainError
 from vrchain.experiments.reproduction.results import Results
 from vrchain.homing import snapshot, step
+from vrchain.ledger import Ledger
+from vrchain.ledger.network import watching
 from vrchain.panorama import encode_png
 from vrchain.plots.scripts import FigureError
 
@@ -46,6 +50,48 @@ def test_why_tells_each_stage_of_panoramas_and_of_files(tmp_path: Path) -> None:
     assert list(photographs.index) == ["found", "match", "agree", "answer"]
     with pytest.raises(ImageError, match="got one of each"):
         vr.why(a, tmp_path / "a.png")
+
+
+def test_a_ledger_is_watched_as_it_changes_and_the_last_view_stays(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    views: list[workbench.Watched] = []
+    monkeypatch.setattr(workbench, "_shown", lambda: views.append)
+    small_ledger(tmp_path / "ledger")
+    (tmp_path / "ledger" / "outbox").mkdir()
+    (tmp_path / "ledger" / "outbox" / "R1.00000000000000000002.offer").write_bytes(b"")
+    news, looks = watching.news_of, iter(range(10_000))
+
+    def another_publishes(ledger: Ledger) -> list[watching.News]:
+        if next(looks) == 1:
+            with Ledger.open(tmp_path / "ledger", writable=True) as writer:
+                writer.publish("R1", KEYS["R1"], b"payload", "view", 60)
+        said = {"member": "R2", "height": 3, "waiting": 2, "refused": 0, "alarms": 0}
+        return [(said, ""), *news(ledger)]
+
+    monkeypatch.setattr(watching, "news_of", another_publishes)
+    seen = vr.watch(tmp_path / "ledger", seconds=0.5, newest=3)
+    assert list(seen.blocks.height) == [4, 5, 6] and list(seen.blocks.author) == ["R3", "R1", "R1"]
+    assert seen.members.to_dict("records") == [
+        {"member": "R2", "height": 3, "behind": 3, "waiting": 2, "refused": 0, "alarms": 0}
+    ]
+    assert seen.notes == ("waiting: 1",) and "R2" in repr(seen)
+    assert [list(view.blocks.height) for view in views[:2]] == [[3, 4, 5], [4, 5, 6]]
+    assert repr(views[-1]) == repr(seen) and "<table" in seen._repr_html_()
+    monkeypatch.undo()
+    assert list(vr.watch(tmp_path / "ledger", seconds=0).blocks.height) == [0, 1, 2, 3, 4, 5, 6]
+
+
+def test_a_view_is_shown_where_a_notebook_runs(monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("IPython")
+    view = workbench._watched([], [{"trouble": "<no> answer"}], 0)
+    workbench._shown()(view)  # nothing runs: nothing is shown
+    shown: list[object] = []
+    monkeypatch.setattr("IPython.get_ipython", lambda: object())
+    handle = type("Handle", (), {"update": staticmethod(shown.append)})
+    monkeypatch.setattr("IPython.display.display", lambda *given, **options: handle)
+    workbench._shown()(view)
+    assert shown == [view] and "trouble: &lt;no&gt; answer" in view._repr_html_()
 
 
 def test_a_database_is_loaded_with_its_poses(tmp_path: Path) -> None:

@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from vrchain.workbench import home_vector as home_vector
     from vrchain.workbench import load_database as load_database
     from vrchain.workbench import reproduced as reproduced
+    from vrchain.workbench import watch as watch
     from vrchain.workbench import why as why
     from vrchain.world import Scene as Scene
     from vrchain.world import load_scene as load_scene
@@ -91,6 +92,7 @@ _HOMES = {
     "verify_proof": "ledger",
     "view": "viewer",
     "view_change": "panorama",
+    "watch": "workbench",
     "why": "workbench",
 }
 __all__ = list(_HOMES)

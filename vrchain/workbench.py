@@ -1,8 +1,10 @@
 """Steps of a notebook or a script, each in one call. The rest of the package does without them."""
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from html import escape
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
@@ -24,6 +26,8 @@ from vrchain.world.truth import GroundTruth
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
+
+    from vrchain.ledger import Entry
 
 _ONE_OF_EACH = "expected two panoramas, or two files or folders, got one of each"
 
@@ -130,6 +134,80 @@ def home_vector(
     None when the two share too little.
     """
     return step(method, snapshot(here), snapshot(home), heading_rad)
+
+
+@dataclass(frozen=True, eq=False)
+class Watched:
+    """A ledger over several machines as it stood: blocks that came, members, what is wrong.
+
+    blocks: height, author, records. members: member, height, behind (blocks), waiting (in its
+    outbox), refused, alarms (a server's log was wrong), one row each that has said so.
+    """
+
+    blocks: pd.DataFrame
+    members: pd.DataFrame
+    notes: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        tables = (table.to_string(index=False) for table in (self.blocks, self.members))
+        return "\n\n".join([*tables, *self.notes])
+
+    def _repr_html_(self) -> str:
+        tables = (table.to_html(index=False) for table in (self.blocks, self.members))
+        return "".join([*tables, *(f"<p>{escape(note)}</p>" for note in self.notes)])
+
+
+def watch(
+    ledger: str | Path, folder: str | Path | None = None, seconds: float = 30.0, newest: int = 10
+) -> Watched:
+    """Watch a ledger for so long; in a notebook what comes is shown as it comes, and stays.
+
+    ledger: a folder, or ``nats://HOST,...``, of which ``folder`` is this machine's copy. newest:
+    how many blocks are shown. LedgerError kinds.
+    """
+    from vrchain.ledger.network.opening import open_ledger
+    from vrchain.ledger.network.watching import watched
+
+    lines: list[tuple[int, str, str]] = []
+    seen, show = _watched(lines, [], 0), _shown()
+    with open_ledger(ledger, folder, writable=False) as opened:
+        lines += [_line(entry) for entry in opened.entries(max(0, opened.head.height - newest + 1))]
+        for entries, news in watched(opened, seconds):
+            lines = [*lines, *map(_line, entries)][-newest:]
+            told = [result for result, _ in news]
+            now = _watched(lines, told, opened.head.height)
+            if repr(now) != repr(seen):
+                show(now)
+            seen = now
+    return seen
+
+
+def _line(entry: "Entry") -> tuple[int, str, str]:
+    return entry.block.height, entry.block.author, ", ".join(map(str, entry.records))
+
+
+def _watched(
+    lines: Sequence[tuple[int, str, str]], told: Sequence[dict[str, Any]], height: int
+) -> Watched:
+    members = [row for row in told if "member" in row]
+    height = max([height, *(row["height"] for row in members)])
+    columns = ["member", "height", "waiting", "refused", "alarms"]
+    table = pd.DataFrame(members, columns=columns).sort_values("member")
+    table.insert(2, "behind", height - table.height)
+    notes = [", ".join(f"{k}: {v}" for k, v in row.items()) for row in told if "member" not in row]
+    return Watched(pd.DataFrame(lines, columns=["height", "author", "records"]), table, (*notes,))
+
+
+def _shown() -> Callable[[Watched], None]:
+    """Shows each in the place of the one before, where a notebook runs; else nothing."""
+    try:
+        from IPython import get_ipython
+        from IPython.display import display
+    except ImportError:
+        return lambda view: None
+    if get_ipython() is None:
+        return lambda view: None
+    return display("...", display_id=True).update
 
 
 def reproduced(profile: str | None = None) -> Results:

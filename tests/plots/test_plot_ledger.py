@@ -5,9 +5,11 @@ from pathlib import Path
 import pandas as pd
 from drawn import strays, words
 
+from vrchain.experiments.ledger.regions import COLUMNS as REGIONS
+from vrchain.experiments.ledger.regions import ONE, OWN
 from vrchain.experiments.ledger.size import COLUMNS, TEAM
 from vrchain.experiments.ledger.stores import create_ledger
-from vrchain.plots.ledger import ledger_figure, ledger_size_figure, ledger_table
+from vrchain.plots.ledger import ledger_figure, ledger_size_figure, ledger_table, regions_figure
 
 
 def test_sizes_that_were_computed_are_hollow() -> None:
@@ -26,6 +28,14 @@ def test_sizes_that_were_computed_are_hollow() -> None:
         (hollow,) = [line for line in axes.lines if line.get_markerfacecolor() == "white"]
         assert len(hollow.get_xdata()) == 2
     assert {"10 GB", "2 GB"} & set(words(figure)) and "a note" in words(figure)
+
+
+def test_a_way_to_follow_regions_has_its_bars() -> None:
+    rows = [(ONE, 5, 4.0, 1e6, 9e6, 50, 0, 20, 0), (OWN, 5, 1.0, 3e5, 4e6, 50, 25, 20, 2)]
+    figure = regions_figure(pd.DataFrame(rows, columns=REGIONS), "a note")
+    assert strays(figure) == []
+    assert [len(axes.patches) for axes in figure.axes] == [2, 4]
+    assert {"1 MB", "300 kB", "50.0 %", "10.0 %", "a note", OWN} <= set(words(figure))
 
 
 def test_the_chain_shows_what_is_new_and_what_is_carried_over(tmp_path: Path) -> None:

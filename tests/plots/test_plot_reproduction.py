@@ -54,6 +54,20 @@ def test_update_times_are_drawn_for_each_robot_and_number_of_positions() -> None
     assert "update time (ms)" in words(figure) and "a note" in words(figure)
 
 
+def test_updates_over_servers_have_a_panel_and_an_axis_of_their_own() -> None:
+    tables = updates((40, 200))
+    over = tables[40].assign(total_us=tables[40].total_us * 50)
+    figure = update_time_figure(tables, over=over)
+    assert strays(figure) == []
+    assert [axes.get_title() for axes in figure.axes] == [
+        "40 positions", "200 positions", "40 positions, over three servers",
+    ]  # fmt: skip
+    ends_ms = [axes.get_ylim()[1] for axes in figure.axes]
+    assert ends_ms[0] == ends_ms[1] < over.total_us.max() / 1e3 < ends_ms[2]
+    assert not any("beyond the axis" in text for text in words(figure))
+    assert any("durable in both robots' folders" in text for text in words(figure))
+
+
 def test_an_update_beyond_the_axis_is_told() -> None:
     tables = updates((40, 200))
     tables[200].loc[77, "total_us"] = 1e6

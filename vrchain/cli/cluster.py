@@ -24,16 +24,14 @@ from vrchain.ledger.network.log import put as put_blocks
 from vrchain.ledger.network.maker import Maker
 from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.opening import follow_servers, open_ledger
-from vrchain.ledger.network.outbox import refused_in, waiting_in
-from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream, set_up
+from vrchain.ledger.network.watching import watched
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
 
 app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger.")
 
 T = TypeVar("T")
 
-_LOOK_S = 0.1
 _PORT, _ROUTE_PORT, _MONITOR_PORT = 4222, 6222, 8222
 
 Address = Annotated[
@@ -259,42 +257,15 @@ def watch(
     key = member_key(folder, keys, robot, simulated) if robot and folder else None
     with open_ledger(ledger, folder, writable=False, key=key, name=robot or "anyone") as opened:
         told = set[str]()
-        until_s, height = time.monotonic() + seconds, opened.head.height
-        while True:
-            opened.refresh()
-            for entry in opened.entries(height + 1):
-                height = entry.block.height
+        for entries, news in watched(opened, seconds):
+            for entry in entries:
                 records = ", ".join(map(str, entry.records))
                 line = f"{entry.block} by {entry.block.author}: {records}"
                 _say(as_json, entry_json(entry), line)
-            for result, line in _news(opened):
+            for result, line in news:
                 if line not in told:
                     _say(as_json, result, line)
                     told.add(line)
-            if time.monotonic() > until_s:
-                return
-            time.sleep(_LOOK_S)
-
-
-def _news(ledger: Ledger) -> list[tuple[dict[str, Any], str]]:
-    """What waits and was refused, what members say, what is wrong: as an object and as a line."""
-    found: list[tuple[dict[str, Any], str]] = []
-    if waiting := waiting_in(ledger.folder):
-        found.append(({"waiting": waiting}, f"{waiting} wait in the outbox of {ledger.folder}"))
-    for robot, sequence, why in refused_in(ledger.folder):
-        line = f"transaction {sequence} of {robot} was refused: {why}"
-        found.append(({"refused": robot, "sequence": sequence, "why": why}, line))
-    if not isinstance(ledger, RobotLedger):
-        return found
-    for name, (height, standing) in ledger.others.items():
-        line = f"{name} is at block {height}, {standing.waiting} in its outbox"
-        if standing.refused:
-            line += f", {standing.refused} refused"
-        if standing.alarms:
-            line += f", {standing.alarms} times a server's log was wrong"
-        found.append(({"member": name, "height": height, **standing._asdict()}, line))
-    wrong = [*ledger.alarms, *map(str, ledger.trouble.values())]
-    return [*found, *[({"trouble": line}, line) for line in wrong]]
 
 
 def _users(ledger: Ledger, makers: list[str] | None) -> Users:

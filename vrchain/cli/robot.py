@@ -1,4 +1,4 @@
-"""The command ``vrchain robot``: drive a robot over ROS, or play one for whoever drives."""
+"""The command ``vrchain robot``: drive one robot of a team, over ROS or simulated; play one."""
 
 import json
 import math
@@ -14,10 +14,11 @@ import typer
 from vrchain.cli.bags import Rig, Slop, robots_told
 from vrchain.cli.ledger_keys import member_key
 from vrchain.cli.options import Folder, Json, Spec, doing, teller
-from vrchain.errors import BagError
+from vrchain.errors import BagError, MissionError, OutputError
 from vrchain.files import check_output_folder, output_folder
 
 if TYPE_CHECKING:
+    from vrchain.ledger import SigningKey
     from vrchain.ros.nodes import Node
 
 _PLAYED = "played.json"
@@ -29,7 +30,7 @@ RosVersion = Annotated[
     ),
 ]
 
-app = typer.Typer(no_args_is_help=True, help="A robot over ROS: driven, or played by a simulator.")
+app = typer.Typer(no_args_is_help=True, help="One robot of a team: driven, or played over ROS.")
 
 
 @app.command()
@@ -37,12 +38,31 @@ def run(
     ledger: Annotated[
         str, typer.Option(metavar="LEDGER", help="The team's ledger: a folder, or nats://HOST,...")
     ],
-    robot: Annotated[str, typer.Option(metavar="NAME=/NAMESPACE", help="It, and its topics.")],
+    robot: Annotated[
+        str, typer.Option(metavar="NAME[=/NAMESPACE]", help="It; with --ros, and its topics.")
+    ],
     ros: Annotated[bool, typer.Option("--ros", help="It is on ROS.")] = False,
+    scene: Annotated[
+        Path | None,
+        typer.Option(metavar="SPEC", help="It is simulated here: a scene file or Gazebo world."),
+    ] = None,
     ros_version: RosVersion = None,
     goal: Annotated[
-        list[Path] | None,
-        typer.Option(metavar="DIR", help="A picture of the goal, a panorama's folder; several."),
+        list[str] | None,
+        typer.Option(
+            metavar="GOAL",
+            help="With --ros a picture of it, a panorama's folder, several; with --scene its name.",
+        ),
+    ] = None,
+    robots: Annotated[int, typer.Option(min=2, max=20, help="How many robots, with --scene.")] = 3,
+    sent: Annotated[
+        str, typer.Option(metavar="NAME", help="Which is sent to the goal, with --scene.")
+    ] = "R1",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Folder for the log of who is sent, with --scene."
+        ),
     ] = None,
     seconds: Annotated[
         float, typer.Option(min=1.0, help="That it patrols and publishes, without a goal.")
@@ -59,10 +79,21 @@ def run(
     simulated: Annotated[
         int | None, typer.Option(metavar="SEED", help="Sign with the key of a simulation's robot.")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Of a patrol's headings.")] = 0,
+    seed: Annotated[
+        int, typer.Option(min=0, help="Of a patrol's headings; with --scene of everything random.")
+    ] = 0,
     as_json: Json = False,
 ) -> None:
-    """Send a live robot to a goal, or on patrol; it publishes what it sees by the update rules."""
+    """Send a live robot to a goal, or on patrol, or drive one of a simulated team.
+
+    It publishes what it sees by the update rules.
+    """
+    if ros == (scene is not None):
+        raise BagError("expected either --ros or --scene SPEC")
+    if scene is not None:
+        key = member_key(folder or Path(ledger), keys, robot, simulated)
+        _run_apart(scene, ledger, folder, robot, key, robots, sent, goal, seed, output, as_json)
+        return
     from vrchain.landmarks.extraction.weights import SHIPPED
     from vrchain.ledger.network.opening import open_ledger
     from vrchain.ledger.network.robot import RobotLedger
@@ -75,10 +106,8 @@ def run(
     from vrchain.ros.robots import load_rig
     from vrchain.simulation.mission import index_of, published_of
 
-    if not ros:
-        raise BagError("expected --ros, the only robots that can be driven so far")
     ((name, namespace),) = robots_told([robot]).items()
-    pictures = [Panorama.load(folder) for folder in goal or []]
+    pictures = [Panorama.load(Path(picture)) for picture in goal or []]
     told, perception = load_rig(rig), learned_perception()
     key = member_key(folder or Path(ledger), keys, name, simulated)
     with open_ledger(ledger, folder, key=key, name=name) as opened:
@@ -93,12 +122,7 @@ def run(
             body = PublishingBody[LiveRobot, Publication](live, publisher, lambda p: p)
             summary: dict[str, Any] = {"robot": name}
             if pictures:
-                newest, index = published_of(opened, name), index_of(opened, perception)
-
-                def published() -> Any:
-                    opened.refresh()
-                    return newest()
-
+                published, index = published_of(opened, name), index_of(opened, perception)
                 shown = goal_from(pictures, SHIPPED)
                 result = drive_mission(
                     name, body, published, index, shown, perception, tell=teller(as_json)
@@ -126,6 +150,53 @@ def node_of(name: str, version: int | None = None) -> "Node":
     from vrchain.ros.ros1 import Ros1
 
     return Ros1(name)
+
+
+def _run_apart(
+    spec: Path,
+    address: str,
+    folder: Path | None,
+    robot: str,
+    key: "SigningKey",
+    robots: int,
+    sent: str,
+    goals: list[str] | None,
+    seed: int,
+    output: Path | None,
+    as_json: bool,
+) -> None:
+    from vrchain.ledger.network.opening import open_ledger
+    from vrchain.simulation.apart import run_apart
+    from vrchain.simulation.mission import MARKER, save_log
+    from vrchain.world import load_scene
+
+    if len(goals or []) > 1:
+        raise MissionError(f"expected one --goal with --scene, its name, got {len(goals or [])}")
+    if output is not None:
+        if robot != sent:
+            raise OutputError(f"expected -o with the robot that is sent, {sent}, got {robot}")
+        check_output_folder(output, MARKER)
+    with doing(f"building {spec}"):
+        built = load_scene(spec)
+    with open_ledger(address, folder, key=key, name=robot) as opened:
+        body, mission = run_apart(
+            built, opened, robot, key, seed=seed, n_robots=robots, sent=sent,
+            goal=goals[0] if goals else None, tell=teller(as_json),
+        )  # fmt: skip
+        height, head = opened.head.height, opened.head.hash.hex()
+    if mission is not None and output is not None:
+        with output_folder(output, MARKER) as made:
+            save_log(mission, made)
+    published = [asdict(p) for p in body.publications]
+    summary = {"robot": robot, "published": published, "height": height, "head": head}
+    if mission is not None:
+        summary |= {"mission": mission.summary()}
+    end = "is at its place"
+    if mission is not None:
+        end = "arrived" if mission.result.arrived else f"gave up: {mission.result.reason}"
+        end += f"; in truth it stands {mission.range_m:.1f} m from {mission.task.goal}"
+    said = f"{robot} {end}; it published {len(published)} panoramas"
+    print(json.dumps(summary) if as_json else said)
 
 
 def _patrol(body: Any, seconds: float, seed: int) -> None:

@@ -314,6 +314,8 @@ class Ledger(Reader):
                     if blob not in self._blobs:
                         written.append(blob)  # before it is, lest Ctrl-C comes in between
                     self._blobs.put(blob, data)
+                if blobs:
+                    self._blobs.sync()
                 insert_entry(self._db, entry)
             except BaseException:
                 for blob in written:  # still under the lock: no other writer needs them yet

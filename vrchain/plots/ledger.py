@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
-from matplotlib.ticker import NullFormatter, NullLocator
+from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
 from vrchain.experiments.ledger.size import KEEP, LAYOUTS, TEAM, TOGETHER
 from vrchain.experiments.ledger.transmission import WAYS
@@ -180,6 +180,34 @@ def transmission_figure(table: pd.DataFrame, payload_bytes: int, note: str = "")
     sent.set(title="Sent by one robot", ylabel="bytes (logarithmic)")
     legend_below(figure, on_wires.lines, 4, note)
     figure.suptitle("What a team sends until every robot can have every panorama")
+    return figure
+
+
+def regions_figure(table: pd.DataFrame, note: str = "") -> Figure:
+    """``regions.regional``: what a robot receives, beside what it misses, a bar a way."""
+    figure, (received, lost) = panels(11.5, 4.2, 1, 2, sharey=True)
+    received.barh(table.follows, table.received_bytes, color=BLUE)
+    received.bar_label(
+        received.containers[0], [in_units(n, BYTES) for n in table.received_bytes], padding=3
+    )
+    received.xaxis.set_major_formatter(lambda size, _: in_units(size, BYTES))
+    received.xaxis.set_major_locator(MaxNLocator(4, prune="upper"))
+    received.set(title="What a robot receives", xlabel="bytes")
+    for k, (share, colour, name) in enumerate(
+        (
+            (table.missed / table.common, SKY, "in common with another's panorama: not received"),
+            (table.lost / table.landmarks, RED, "in common with nobody's that is received"),
+        )
+    ):
+        at = [row + 0.2 - 0.4 * k for row in range(len(table))]
+        bars = lost.barh(at, 100 * share, 0.38, color=colour, label=name)
+        lost.bar_label(bars, [f"{100 * value:.1f} %" for value in share], padding=3)
+    lost.set(title="What it misses of landmarks in common", xlabel="share (%)")
+    received.invert_yaxis()
+    for axes in (received, lost):
+        axes.margins(x=0.2)
+    legend_below(figure, lost.containers, 2, note)
+    figure.suptitle("A ledger for each region: a robot follows ...")
     return figure
 
 

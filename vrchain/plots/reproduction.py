@@ -43,24 +43,36 @@ _STAGES = {
 }
 
 
-def update_time_figure(updates: Mapping[int, pd.DataFrame], note: str = "") -> Figure:
-    """Update time of each robot over the positions; one panel for each number of positions."""
-    figure, _ = panels(5.2 * len(updates), 3.9, 1, len(updates), sharey=True)
-    for axes, (n, table) in zip(figure.axes, updates.items(), strict=True):
+def update_time_figure(
+    updates: Mapping[int, pd.DataFrame], note: str = "", over: pd.DataFrame | None = None
+) -> Figure:
+    """Update time of each robot over the positions; one panel for each number of positions.
+
+    over: ``cluster.update_over_servers``, in one more panel.
+    """
+    drawn = [(f"{n} positions", table) for n, table in updates.items()]
+    if over is not None:
+        drawn.append((f"{len(over)} positions, over three servers", over))
+    figure, _ = panels(5.2 * len(drawn), 3.9, 1, len(drawn))
+    hidden = 0
+    for axes, (title, table) in zip(figure.axes, drawn, strict=True):
+        alike = [table] if table is over else [*updates.values()]
+        end_ms = 1.9 * max(float(each.total_us.quantile(0.99)) / 1e3 for each in alike)
         for k, (robot, rows) in enumerate(table.groupby("robot")):
             times_ms = rows.total_us / 1e3
             axes.plot(
                 rows.ledger_position, times_ms, _MARKERS[k % 3], ls="-", lw=0.8, ms=3.5,
                 color=robot_colour(k), label=f"{robot}: mean {times_ms.mean():.2f} ms",
             )  # fmt: skip
-        axes.set(title=f"{n} positions", xlabel="position in the ledger (R1's and R2's in turn)")
+        hidden += int((table.total_us / 1e3 > end_ms).sum())
+        axes.set(title=title, xlabel="position in the ledger (R1's and R2's in turn)")
+        axes.set(ylim=(0, end_ms))
         axes.legend(loc="upper right")
-    end_ms = 1.9 * max(float(table.total_us.quantile(0.99)) / 1e3 for table in updates.values())
-    figure.axes[0].set(ylim=(0, end_ms), ylabel="update time (ms)")
-    hidden = sum(int((table.total_us / 1e3 > end_ms).sum()) for table in updates.values())
-    figure.suptitle(
-        "One update of the ledger: from the panorama's bytes to the other robot's receipt"
-    )
+    figure.axes[0].set_ylabel("update time (ms)")
+    title = "One update of the ledger: from the panorama's bytes to the other robot's receipt"
+    if over is not None:
+        title += "; over servers, until it is durable in both robots' folders"
+    figure.suptitle(title)
     beyond = f"Slower updates, beyond the axis: {hidden}. " if hidden else ""
     note_below(figure, f"{beyond}{note}")
     return figure

@@ -8,6 +8,7 @@ import json
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 import numpy as np
 import pandas as pd
@@ -27,12 +28,14 @@ from vrchain.navigation.settings import Decision, MissionConfig, Published, pano
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, goal_pictures, scene_task
-from vrchain.simulation.team import assemble, drive_to_places, team_ledger
+from vrchain.simulation.team import PublishingRobot, assemble, drive_to_places, team_ledger
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 MARKER = "mission.json"
+
+Outset: TypeAlias = tuple[Simulator, Task, list[Panorama]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,32 +105,44 @@ def run_mission(
     they recognise things; LearnedError without torch or weights.
     """
     perception = learned_perception(weights)
-    rig = rig or CameraRig()
-    simulator, task, pictures = set_out(scene, seed, n_robots, robot, goal, rig)
+    outset = set_out(scene, seed, n_robots, robot, goal, rig or CameraRig())
+    simulator, task, _ = outset
     with team_ledger(ledger_folder, task.starts, seed) as ledger:
         robots = assemble(simulator, ledger, seed, examine=perception.record)
         drive_to_places(simulator, robots, task)
-        started_ns = simulator.clock_ns
-        published, index = published_of(ledger, robot), index_of(ledger, perception)
-        panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
-        shown = goal_from(pictures, weights)
-        result = drive_mission(
-            robot, robots[robot], published, index, shown, perception, config, tell
-        )
-        head = ledger.head.hash.hex()
+        return send(robot, robots[robot], outset, ledger, perception, config, weights, tell)
+
+
+def send(
+    robot: str,
+    body: PublishingRobot,
+    outset: Outset,
+    ledger: Ledger,
+    perception: Perception,
+    config: MissionConfig | None = None,
+    weights: Path = SHIPPED,
+    tell: Callable[[Decision], None] = lambda decision: None,
+) -> MissionRun:
+    """Send a robot, whose team is at its places, to the goal by what the ledger holds."""
+    simulator, task, pictures = outset
+    scene, started_ns = simulator.scene, simulator.clock_ns
+    published, index = published_of(ledger, robot), index_of(ledger, perception)
+    panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
+    shown = goal_from(pictures, weights)
+    result = drive_mission(robot, body, published, index, shown, perception, config, tell)
     pose = simulator.pose(robot)
-    at_goal, range_m = is_at(scene, simulator.truth, task.goal, pose, rig)
+    at_goal, range_m = is_at(scene, simulator.truth, task.goal, pose, simulator.rig)
     return MissionRun(
         scene, task, robot, result, tuple(pictures), panoramas,
         {n: simulator.path_xy_m(n) for n in simulator.robots}, simulator.times_s, pose,
         result.arrived and at_goal, range_m, simulator.collisions(robot),
-        (simulator.clock_ns - started_ns) / 1e9, head,
+        (simulator.clock_ns - started_ns) / 1e9, ledger.head.hash.hex(),
     )  # fmt: skip
 
 
 def set_out(
     scene: Scene, seed: int, n_robots: int, robot: str, goal: str | None, rig: CameraRig
-) -> tuple[Simulator, Task, list[Panorama]]:
+) -> Outset:
     """A task in a scene, its robots where they start, and the goal's pictures."""
     truth, renderer = GroundTruth(scene), Renderer(scene)
     if scene.robots:
@@ -140,12 +155,13 @@ def set_out(
 
 
 def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:
-    """Asks a ledger for the newest panoramas of each other robot, at most so many.
+    """Asks a ledger for the newest panoramas of each other robot, at most so many, by now.
 
     R2 is robot R2's newest, R2~1 the one before, and so on.
     """
 
     def published() -> dict[str, Published]:
+        ledger.refresh()
         return {
             panorama_name(name, k): Published(t.payload_digest + t.landmarks_digest, t.timestamp_ns)
             for name in ledger.robots

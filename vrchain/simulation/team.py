@@ -40,6 +40,10 @@ class SimulatedBody:
         """What it senses now."""
         return self.simulator.observe(self.name, look=look, towards_rad=towards_rad)
 
+    def watch(self) -> Observation:
+        """What it senses without a look around: it publishes nothing."""
+        return self.observe()
+
     def drive(self, command: Drive, duration_s: float) -> None:
         """Drive so for a while; the others do what ``others`` says: stand, if nothing was said."""
         self.simulator.step({**self.others(), self.name: command}, duration_s)
@@ -93,11 +97,15 @@ def assemble(
 
 
 def drive_to_places(
-    simulator: Simulator, robots: Mapping[str, PublishingRobot], task: Task
+    simulator: Simulator,
+    robots: Mapping[str, PublishingRobot | SimulatedBody],
+    task: Task,
+    rest_s: float = UpdateRules().max_age_s,
 ) -> None:
     """All robots drive to their places at once, by odometry, and publish as they go.
 
-    Then they wait until the third rule, time, has had each publish what it sees from there.
+    Then they wait for ``rest_s``, until the third rule, time, has each publish what it sees from
+    there.
     """
     goals = {}  # in the frames of their odometry
     for name in robots:
@@ -116,6 +124,6 @@ def drive_to_places(
             else:
                 commands[name] = steer(seen.odometry.bearing_to_rad(goals[name]), seen.range_ring_m)
         simulator.step(commands, _TICK_S)
-    simulator.step({}, max(r.publisher.monitor.rules.max_age_s for r in robots.values()))
+    simulator.step({}, rest_s)
     for robot in robots.values():
         robot.watch()

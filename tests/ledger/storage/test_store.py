@@ -112,7 +112,7 @@ def test_what_is_refused_leaves_no_trace(folder: Path) -> None:
     assert files(folder) == before
 
 
-@pytest.mark.parametrize("step", ["storage.durable.sync_folder", "store.insert_entry"])
+@pytest.mark.parametrize("step", ["storage.blobs.sync_folder", "store.insert_entry"])
 def test_ctrl_c_before_the_record_leaves_no_trace(folder: Path, step: str) -> None:
     before = files(folder)
     with Ledger.open(folder, writable=True) as ledger:

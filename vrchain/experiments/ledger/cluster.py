@@ -111,7 +111,8 @@ def at_rest(updates: int = 100, robots: int = 3, *, seed: int = 0) -> pd.DataFra
     Rows: bare (a JetStream publish of the same bytes to as many servers), offer (one that the
     servers acknowledge), publish (signed and in the outbox, durable here), validated (durable in
     every folder), beyond (that, without the offer), folder (an update of a folder alone), and
-    read, read_folder (a payload from a robot's folder, and from a folder's ledger).
+    read, read_folder (each payload from a robot's folder, which goes on to follow the servers, and
+    from a folder's ledger, in turns once nothing new comes: three robots share this process).
     Columns: name, n, median_ms, p99_ms, ratio (to the row it is measured in turns with), bar.
     """
     times: dict[str, list[float]] = {}
@@ -138,19 +139,19 @@ def at_rest(updates: int = 100, robots: int = 3, *, seed: int = 0) -> pd.DataFra
             start_ns = time.perf_counter_ns()
             sent = lap("publish", partial(own.publish, robot, key, payload, "view", number))
             for ledger in ledgers:
-                while ledger.latest(robot) != sent:
-                    ledger.refresh()
-                    time.sleep(0.0005)
+                _await(ledger, sent)
             times.setdefault("validated", []).append((time.perf_counter_ns() - start_ns) / 1e6)
             data = pack_offer(Offer(sent, payload))
             pairs: list[tuple[str, Callable[[], Any]]] = [
                 ("bare", partial(stream.connection.run, partial(_publish, data=data))),
                 ("offer", partial(stream.offer, "X", number.to_bytes(32, "big"), data)),
-                ("read", partial(own.payload, sent.payload_digest)),
-                ("read_folder", partial(alone.payload, sent.payload_digest)),
             ]
             for name, work in pairs[:: (-1) ** number]:  # neither always comes first
                 lap(name, work)
+        for number, sent in enumerate(own.history(robot)[1:]):
+            reads: list[tuple[str, Ledger]] = [("read", own), ("read_folder", alone)]
+            for name, held in reads[:: (-1) ** number]:
+                lap(name, partial(held.payload, sent.payload_digest))
     times["beyond"] = list(np.subtract(times["validated"], times["offer"]))
     over = {"offer": "bare", "read": "read_folder", "validated": "folder"}
     bars = {"offer": 1.5, "read": 1.0}
@@ -171,6 +172,32 @@ def at_rest(updates: int = 100, robots: int = 3, *, seed: int = 0) -> pd.DataFra
         row = (name, len(own_ms), median_ms, float(np.quantile(own_ms, 0.99)))
         rows.append((*row, median_ms / base, bars.get(name, float("nan"))))
     return pd.DataFrame(rows, columns=["name", "n", "median_ms", "p99_ms", "ratio", "bar"])
+
+
+def update_over_servers(payloads: Sequence[bytes], *, seed: int = 0) -> pd.DataFrame:
+    """As ``latency.update_latency`` by R1 and R2, over servers: what a team of machines waits.
+
+    One row an update: ledger_position (from 1), robot, payload_bytes, publish_us (signed, and
+    durable in its own outbox) and total_us, until the block is judged and durable in both robots'
+    folders.
+    """
+    rows = []
+    with team(2, seed) as made, ExitStack() as stack:
+        ledgers = {robot: stack.enter_context(made.open(robot)) for robot in made.robots}
+        first = ledgers["R1"].publish("R1", made.keys["R1"], b"warm", "start", 0)
+        for ledger in ledgers.values():
+            _await(ledger, first)
+        for number, payload in enumerate(payloads):
+            robot = made.robots[number % len(ledgers)]
+            start_ns = time.perf_counter_ns()
+            sent = ledgers[robot].publish(robot, made.keys[robot], payload, "distance", number)
+            publish_us = (time.perf_counter_ns() - start_ns) / 1e3
+            for ledger in ledgers.values():
+                _await(ledger, sent)
+            total_us = (time.perf_counter_ns() - start_ns) / 1e3
+            rows.append((number + 1, robot, len(payload), publish_us, total_us))
+    columns = ["ledger_position", "robot", "payload_bytes", "publish_us", "total_us"]
+    return pd.DataFrame(rows, columns=columns)
 
 
 def flat_out(seconds: float = 10.0, robots: int = 5, *, seed: int = 0) -> pd.DataFrame:
@@ -197,6 +224,7 @@ def publish_flat_out(
     key, draws, waits_ms = simulated_key(seed, robot), generator(seed, "flat out", robot), []
     with open_ledger(address, folder) as ledger:
         assert isinstance(ledger, RobotLedger)
+        ledger.wait_until_followed(PATIENCE_S)  # a new folder reads a long chain first
         first = ledger.publish(robot, key, b"warm", "start", time.time_ns())
         ledger.wait(first, PATIENCE_S)
         until_s = time.monotonic() + seconds
@@ -284,6 +312,16 @@ def check_same(made: Team) -> tuple[int, bool]:
     if len(heads) != 1 or not good:
         raise LedgerError(f"expected one head and good folders, got {len(heads)} heads, {good}")
     return len(heads), good
+
+
+def _await(ledger: Ledger, sent: Transaction) -> None:
+    """Until it is in the ledger's folder. LedgerError after a while."""
+    until_s = time.monotonic() + PATIENCE_S
+    while ledger.latest(sent.robot) != sent:
+        if time.monotonic() > until_s:
+            raise LedgerError(f"{sent} has not come into {ledger.folder}")
+        time.sleep(0.0005)
+        ledger.refresh()
 
 
 def python(*words: str, stdout: int, quiet: bool = False) -> "subprocess.Popen[bytes]":

@@ -24,14 +24,14 @@ from vrchain.experiments.ledger.cluster import (
     python,
     team,
 )
-from vrchain.ledger import Offer, Transaction, verify
+from vrchain.ledger import Ledger, Offer, Transaction, verify
 from vrchain.ledger.errors import UnavailableError
 from vrchain.ledger.network.replicated import Replicated
 from vrchain.seeding import generator
 
 
 def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFrame:
-    """Kill servers, the maker and a robot under load, as a power failure does; what is lost?
+    """Kill servers, the maker and each robot under load, as a power failure does; what is lost?
 
     One row a kind: killed, times, stalled_s (the longest that no block came), then of the whole run
     acknowledged (transactions that ``publish`` gave), in_chain, lost, doubled, verified, heads.
@@ -72,15 +72,16 @@ def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFram
         for _ in range(all_at_once):
             kill = partial(made.cluster.stop, number=signal.SIGKILL)
             endure("all servers", kill, made.cluster.restart)
-        found = _killed_robot(made)
-        stalls["robot"] = [float("nan")]
-        for ledger in ledgers.values():
-            ledger.wait_until_followed(PATIENCE_S)
-        entries = ledgers["R1"].entries()
-        chain = [r.id for e in entries for r in e.records if isinstance(r, Transaction)]
         for ledger in ledgers.values():
             ledger.close()
+        found: set[bytes] = set()
+        for robot in made.robots:
+            found |= _killed_robot(made, robot)
+            stalls.setdefault("robot", []).append(float("nan"))
         heads, verified = check_same(made)
+        with Ledger.open(made.folder / "R1") as copy:
+            records = [record for entry in copy.entries() for record in entry.records]
+        chain = [record.id for record in records if isinstance(record, Transaction)]
     ids = {t.id for t in acknowledged} | found
     rest = (len(ids), len(chain), len(ids - {*chain}), len(chain) - len({*chain}), verified, heads)
     rows = [(kind, len(s), max(s), *rest) for kind, s in stalls.items()]
@@ -91,10 +92,10 @@ def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFram
 def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
     """Flip one bit in a stopped server's store; is it noticed, named, mended?
 
-    One row: server, messages, lost_there (of them, once it is back), named (by the status of the
-    cluster, and by a follower that asks this server first), follower_blocks (that it gets from the
-    servers as they are then), alarms (how many it gave), after_cure (messages once its store was
-    wiped), verified.
+    One row: server, messages, lost_there (of them, once it is back, as ``Cluster.status`` says of
+    it), follower_blocks (that a new folder gets from the servers as they are then), alarms (how
+    many it gave: whichever server answers, most have the block), after_cure (messages once its
+    store was wiped), verified.
     """
     with team(2, seed) as made:
         made.kill_maker()
@@ -123,7 +124,6 @@ def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
         ):
             follower.catch_up()
             alarms, got = follower.alarms, follower.head.height
-            asked = stream.connection.server
         made.cluster.stop(server)
         shutil.rmtree(store)
         made.cluster.restart(server)
@@ -138,7 +138,6 @@ def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
                 "server": server,
                 "messages": height + 1,
                 "lost_there": lost,
-                "named": lost > 0 and all(asked in alarm for alarm in alarms),
                 "follower_blocks": got + 1,
                 "alarms": len(alarms),
                 "after_cure": cured,
@@ -148,28 +147,30 @@ def flipped_bit(blocks: int = 120, *, seed: int = 0) -> pd.DataFrame:
     )
 
 
-def _killed_robot(made: Team) -> set[bytes]:
-    """R3's process is killed as it publishes; what it had signed goes out when it is back."""
+def _killed_robot(made: Team, robot: str) -> set[bytes]:
+    """Its process is killed as it publishes; what it had signed goes out when it is back."""
     child = python(
-        "-c", ROBOT_CODE, made.cluster.address, str(made.folder / "R3"), "R3", str(made.seed), "60",
-        stdout=subprocess.DEVNULL,
+        "-c", ROBOT_CODE, made.cluster.address, str(made.folder / robot), robot, str(made.seed),
+        "60", stdout=subprocess.DEVNULL,
     )  # fmt: skip
     with made.open("watch") as watch:
-        until_s = time.monotonic() + PATIENCE_S
-        while (last := watch.latest("R3")) is None or last.sequence < 3:
+        watch.wait_until_followed(PATIENCE_S)
+        until_s, before = time.monotonic() + 2 * PATIENCE_S, watch.latest(robot)
+        known = before.sequence if before else -1
+        while (last := watch.latest(robot)) is None or last.sequence < known + 3:
             if time.monotonic() > until_s:
-                raise LedgerError("R3 has published nothing")
+                raise LedgerError(f"{robot} has published nothing")
             time.sleep(0.05)
             watch.refresh()
     child.kill()
     child.wait()
-    with made.open("R3") as again:
+    with made.open(robot) as again:
         waiting = {r: n for r, n, _ in again.outbox.waiting()}
         again.wait(timeout_s=PATIENCE_S)
         again.wait_until_followed(PATIENCE_S)
-        history = again.history("R3")
-        if waiting and history[-1].sequence < waiting["R3"]:
-            raise LedgerError("what R3 had signed is not in the chain")
+        history = again.history(robot)
+        if waiting and history[-1].sequence < waiting[robot]:
+            raise LedgerError(f"what {robot} had signed is not in the chain")
         return {transaction.id for transaction in history}
 
 

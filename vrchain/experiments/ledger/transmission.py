@@ -52,7 +52,7 @@ def transmission(
     """
     rows = []
     for count in robots:
-        whole, bare = _sizes(count, payload_bytes, seed)
+        whole, bare = message_sizes(count, payload_bytes, seed)
         others = count - 1
         (offer, block), (small_offer, small_block) = whole, bare
         fetched = min(fetches, others)
@@ -82,7 +82,7 @@ def over_servers(
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
-def _sizes(
+def message_sizes(
     count: int, payload_bytes: int, seed: int
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Mean bytes of an offer and a block of one transaction; and of both without panoramas."""

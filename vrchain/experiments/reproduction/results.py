@@ -134,6 +134,12 @@ class Results:
         """``latency.update_latency`` by number of positions."""
         return {n: self.table("update", f"update_{n}") for n in self.profile.positions}
 
+    def update_servers(self) -> pd.DataFrame | None:
+        """``cluster.update_over_servers``, where it could be measured."""
+        name = "update_servers"
+        there = self.path("update", f"{name}.csv").exists()
+        return self.table("update", name) if there else None
+
     def retrievals(self) -> dict[int, pd.DataFrame]:
         """``latency.retrieval_latency`` by number of positions."""
         found = self.table("retrieval", "retrieval")

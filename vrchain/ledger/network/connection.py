@@ -184,8 +184,8 @@ class Connection(Closing):
         servers, client, last = self.servers, Client(), list[Exception]()
 
         async def heard(error: Exception) -> None:
-            last.append(error)
-            del last[:-1]
+            if not any("authorization" in str(known).lower() for known in last):
+                last[:] = [error]  # who is not let in is hung up on, and tries again
             self.complaints = [*self.complaints[-_COMPLAINTS:], str(error)]
             for subject, refused in self._refused.items():
                 if f'publish to "{subject}"'.lower() in str(error).lower() and not refused.done():

@@ -4,6 +4,7 @@ A maker is a member like others: what it makes is judged by every folder, so it 
 neither forge nor take out. What may be taken in here and now is ``rules/admission``'s to say.
 """
 
+import contextlib
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -16,6 +17,7 @@ from vrchain.ledger.errors import (
     InputLimitError,
     InvalidError,
     LogError,
+    NotFoundError,
     QueueFullError,
     RateLimitError,
     RecordError,
@@ -115,19 +117,29 @@ class Maker:
         count = 0
         while waiting:
             made = self._admission.make_block(self._author, self._key)
-            answered = [waiting.pop(t.id) for t in made.appended]
+            answered, later = [waiting.pop(t.id) for t in made.appended], list[Waiting]()
             for transaction, error in made.refused:
                 self.counts[type(error).__name__] += 1
                 if isinstance(error, StorageError):  # this maker's own disk is at fault
                     raise error
                 offer = waiting.pop(transaction.id)
-                if type(error) not in _LATER_S:
+                if type(error) in _LATER_S:
+                    later.append(offer)
+                    continue
+                if not self._is_in(transaction):  # or another maker has made a block of it
                     self._offers.refuse(str(error), offer)
                 answered.append(offer)
             count += len(made.appended)
             self.counts["appended"] += len(made.appended)
             self._answered(answered, held, None)
+            self._answered(later, held, _LATER_S[SequenceGapError])
         return count
+
+    def _is_in(self, transaction: Transaction) -> bool:
+        with contextlib.suppress(NotFoundError):
+            self._ledger.transaction(transaction.id)
+            return True
+        return False
 
     def _answered(
         self, offers: Sequence[Waiting], held: dict[str, Waiting], delay_s: float | None

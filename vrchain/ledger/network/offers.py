@@ -1,4 +1,4 @@
-"""The offers that wait on servers, as makers take them: each goes to one of several makers."""
+"""The offers that wait on servers, as makers take them: all to one of several, while it asks."""
 
 import asyncio
 import json
@@ -9,13 +9,15 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from vrchain.ledger.network.connection import Connection, token
 from vrchain.ledger.network.message import pack_refusal
-from vrchain.ledger.network.stream import MAKER, OFFERS, REFUSED
+from vrchain.ledger.network.stream import MAKER, MAKERS, OFFERS, REFUSED
 
 if TYPE_CHECKING:
     from nats.aio.client import Client
     from nats.aio.msg import Msg
 
+_PIN, _ANOTHER = "Nats-Pin-Id", "423"  # ADR 42 of NATS, pinned clients
 _ASK_S = 2.0  # for which the servers answer one request for offers
+_PAUSE_S = 0.005  # before the next one, should they refuse it at once
 
 
 class Waiting(NamedTuple):
@@ -27,23 +29,28 @@ class Waiting(NamedTuple):
 
 
 class Offers:
-    """What waits for makers; several may take from it, and each offer goes to one of them."""
+    """What waits for makers. Of several that take from it one is given all, until it is gone."""
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
-        self._inbox = ""
+        self._inbox, self._pin = "", ""  # the servers' word for the maker that is given all
         self._came: list[Waiting] = []
         self._news = threading.Condition()
         self._open, self._until_s = 0, 0.0  # how many the servers may still send, and until when
 
     def take(self, most: int, wait_s: float) -> list[Waiting]:
         """Offers that nobody else holds, none if none has come for ``wait_s``."""
-        if self._open < most or time.monotonic() > self._until_s:
-            self._connection.run(lambda client: self._ask(client, most))
-        with self._news:
-            self._news.wait_for(lambda: self._came, wait_s)
-            taken, self._came = self._came[:most], self._came[most:]
-        return taken
+        until_s = time.monotonic() + wait_s
+        while True:
+            if self._open < most or time.monotonic() > self._until_s:
+                self._connection.run(lambda client: self._ask(client, most))
+            with self._news:  # a request that ends meanwhile is made anew, or what comes would wait
+                left_s = until_s - time.monotonic()
+                self._news.wait_for(lambda: self._came or not self._open, left_s)
+                if self._came or time.monotonic() > until_s:
+                    taken, self._came = self._came[:most], self._came[most:]
+                    return taken
+            time.sleep(_PAUSE_S)
 
     def done(self, *offers: Waiting) -> None:
         """They are in a block, or refused: the servers forget them."""
@@ -66,10 +73,12 @@ class Offers:
         if not self._inbox:
             self._inbox = client.new_inbox()
             await client.subscribe(self._inbox, cb=self._hear)
-        asked = json.dumps({"batch": most, "expires": int(_ASK_S * 1e9)}).encode()
+        asked: dict[str, Any] = {"batch": most, "expires": int(_ASK_S * 1e9), "group": MAKERS}
+        if self._pin:
+            asked["id"] = self._pin
         subject = f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"
         self._open, self._until_s = self._open + most, time.monotonic() + _ASK_S
-        await client.publish(subject, asked, reply=self._inbox)
+        await client.publish(subject, json.dumps(asked).encode(), reply=self._inbox)
         await client.flush()
 
     async def _hear(self, message: "Msg") -> None:
@@ -77,10 +86,14 @@ class Offers:
             if message.reply.startswith("$JS.ACK."):
                 robot = message.subject.partition(".")[2].replace("=", ".")
                 self._came.append(Waiting(robot, message.data, message))
+                self._pin = (message.headers or {}).get(_PIN, self._pin)
                 self._open -= 1
                 self._news.notify_all()
             else:  # a request has ended
                 self._open = 0
+                self._news.notify_all()
+                if (message.headers or {}).get("Status") == _ANOTHER:
+                    self._pin = ""
 
 
 async def _each(work: Any) -> None:

@@ -32,10 +32,13 @@ BLOCKS, OFFERS, MAKER, SAID, HEADS = "block", "offer", "maker", "chain.block", "
 REFUSED = "refused"  # what makers tell a robot of its offers
 OFFERS_WAITING = 64  # of one robot, before the servers refuse the next
 OFFERS_BYTES = 1 << 30  # of all robots
-ACK_WAIT_S = 5.0  # after which an offer goes to another maker
+ACK_WAIT_S = 5.0  # after which an offer that a maker took is given out again
+MAKERS = "makers"  # of which one at a time is given offers,
+PINNED_S = 5.0  # until it has asked for none for so long
 DUPLICATES_S = 120.0  # for which servers know a message that they have stored
 _LOOK_S = 2.0  # between two questions for the newest, should what is said be missed
 _LAGS_S = 2.0  # for which a replica may be behind
+_ASKED = 4  # times by way of each server, for a block that some may lack
 _SAID_KEPT = 200  # of what members say of themselves
 _KEPT = 8  # messages that came before those they follow
 
@@ -78,17 +81,27 @@ class Stream:
                 return
 
     def copies(self, height: int) -> Iterator[tuple[str, Given | None]]:
-        """As ``Log``: of each server by itself, but for those that are only behind."""
+        """As ``Log``, by way of each server, but for those that are only behind.
+
+        Whichever has a replica may answer, whomever one asks: so each is asked several times, and
+        which one lacks it only ``vrchain cluster status`` can say.
+        """
         servers = self.connection.servers
         for address in servers.addresses:
             with (
                 contextlib.suppress(UnavailableError),
                 Connection(replace(servers, addresses=(address,))) as alone,
             ):
-                found = alone.run(lambda client: _direct(client, height + 1))
+                for _ in range(_ASKED):
+                    found = alone.run(lambda client: _direct(client, height + 1))
+                    if found is not None and found[0] == height + 1:
+                        break
                 if found is not None:
                     number, data = found
-                    yield alone.server, _readable(data, height) if number == height + 1 else None
+                    yield (
+                        f"by way of {alone.server}",
+                        _readable(data, height) if number == height + 1 else None,
+                    )
 
     def newest(self) -> int:
         """The height of the newest block, -1 if there is none. UnavailableError, ClusterError."""
@@ -209,7 +222,7 @@ class Stream:
         return self.connection.run(lambda client: _info(client, BLOCKS))["state"]
 
     def _fetch(self, number: int) -> bytes:
-        """A message from the server that answers. GapError if it has a later one only, or none."""
+        """A message from a server that answers. GapError if that has a later one only, or none."""
         until_s = time.monotonic() + _LAGS_S
         while True:
             found = self.connection.run(lambda client: _direct(client, number))
@@ -217,11 +230,11 @@ class Stream:
                 return found[1]
             if found is not None:
                 raise GapError(
-                    f"{self.connection.server} lacks block {number - 1}: "
-                    f"it goes on with block {found[0] - 1}"
+                    f"a server lacks block {number - 1}, and goes on with block {found[0] - 1} "
+                    f"(by way of {self.connection.server}): vrchain cluster status names it"
                 )
             if time.monotonic() > until_s:
-                raise GapError(f"{self.connection.server} lacks block {number - 1}")
+                raise GapError(f"the servers of {self.connection.server} lack block {number - 1}")
             time.sleep(0.05)
 
 
@@ -250,12 +263,19 @@ def set_up(connection: Connection, replicas: int, max_bytes: int = -1) -> None:
         max_ack_pending=4 * OFFERS_WAITING,
     )  # fmt: skip
 
+    # A robot's offers are in order: two makers that got every second one would wait for each other.
+    pinned = {
+        "priority_groups": [MAKERS], "priority_policy": "pinned_client",
+        "priority_timeout": int(PINNED_S * 1e9),
+    }  # fmt: skip
+    asked = {"stream_name": OFFERS, "config": maker.as_dict() | pinned}
+
     async def add(client: "Client") -> None:
         stream = client.jetstream(timeout=connection.servers.timeout_s)
         for config in (blocks, offers):
             made = stream.add_stream(config)
             await connection.permitted(f"$JS.API.STREAM.CREATE.{config.name}", made)
-        await stream.add_consumer(OFFERS, maker)
+        await _ask(client, f"CONSUMER.DURABLE.CREATE.{OFFERS}.{MAKER}", asked)
 
     connection.run(add, 3 * connection.servers.timeout_s)
 
@@ -276,10 +296,15 @@ def _readable(data: bytes | None, height: int) -> Given | None:
 
 
 async def _info(client: "Client", stream: str, subject: str = "") -> dict[str, Any]:
+    return await _ask(
+        client, f"STREAM.INFO.{stream}", {"subjects_filter": subject} if subject else {}
+    )
+
+
+async def _ask(client: "Client", what: str, asked: dict[str, Any]) -> dict[str, Any]:
     from nats.js.errors import APIError
 
-    asked = json.dumps({"subjects_filter": subject}) if subject else ""
-    answer = await client.request(f"$JS.API.STREAM.INFO.{stream}", asked.encode(), timeout=5)
+    answer = await client.request(f"$JS.API.{what}", json.dumps(asked).encode(), timeout=5)
     told = json.loads(answer.data)
     if "error" in told:
         APIError.from_error(told["error"])
@@ -293,9 +318,9 @@ async def _places(client: "Client") -> tuple[str, list[str]]:
 
 
 async def _direct(client: "Client", number: int) -> tuple[int, bytes] | None:
-    """The message of that number or the next that there is, of the server that one is connected to.
+    """The message of that number or the next that there is, of any server that has a replica.
 
-    It answers itself if it has a replica. None: it has not come so far. UnavailableError.
+    None: it has not come so far. UnavailableError.
     """
     asked = json.dumps({"seq": number, "next_by_subj": BLOCKS}).encode()
     answer = await client.request(f"$JS.API.DIRECT.GET.{BLOCKS}", asked, timeout=5)

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from vrchain.ledger.errors import DamagedError, NotFoundError
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES, digest
-from vrchain.ledger.storage.durable import TEMPORARY, read_plain, sync_folder, write_durably
+from vrchain.ledger.storage.durable import TEMPORARY, read_plain, sync_folder, write_whole
 
 _BLOB_NAME = re.compile(r"[0-9a-f]{64}")
 
@@ -29,14 +29,18 @@ class BlobStore:
         return os.path.exists(self.path(blob))
 
     def put(self, blob: bytes, data: bytes) -> None:
-        """Make the blob durable. Raises OSError."""
+        """Write the blob; ``sync`` makes it, and others with it, durable. Raises OSError."""
         path = self.path(blob)
         try:
-            write_durably(path, data)  # if it is there: mends one that was damaged
+            write_whole(path, data)  # if it is there: mends one that was damaged
         except FileNotFoundError:
             self.folder.mkdir()
             sync_folder(self.folder.parent)
-            write_durably(path, data)
+            write_whole(path, data)
+
+    def sync(self) -> None:
+        """Make what was put durable. Raises OSError."""
+        sync_folder(self.folder)
 
     def get(self, blob: bytes) -> bytes:
         """The blob's bytes, checked against its digest. NotFoundError, DamagedError, or OSError."""

@@ -16,6 +16,12 @@ _FULL = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 
 def write_durably(path: str, data: bytes) -> None:
     """Write ``path`` under a temporary name, fsync, rename, fsync the folder. Raises OSError."""
+    write_whole(path, data)
+    sync_folder(os.path.dirname(path))
+
+
+def write_whole(path: str, data: bytes) -> None:
+    """As ``write_durably``, but for the folder: its ``sync_folder`` makes the name durable too."""
     folder, name = os.path.split(path)
     temporary = f"{folder}/.{name}.{os.getpid()}{TEMPORARY}"
     try:
@@ -31,7 +37,6 @@ def write_durably(path: str, data: bytes) -> None:
         with contextlib.suppress(OSError):
             os.unlink(temporary)
         raise
-    sync_folder(folder)
 
 
 def read_plain(path: str, max_bytes: int) -> bytes:
