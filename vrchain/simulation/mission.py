@@ -6,7 +6,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -25,8 +25,9 @@ from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, goal_pictures, scene_task
+from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, scene_task
 from vrchain.simulation.team import assemble, drive_to_places, team_ledger
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
@@ -110,9 +111,17 @@ def run_mission(
         started_ns = simulator.clock_ns
         published, index = published_of(ledger, robot), index_of(ledger, perception)
         panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
-        shown = goal_from(pictures, weights)
+        share = pictured_share(scene, task.goal, task.goal_poses)
+        shown = goal_from(pictures, weights, share)
         result = drive_mission(
-            robot, robots[robot], published, index, shown, perception, config, tell
+            robot,
+            robots[robot],
+            published,
+            index,
+            shown,
+            perception,
+            replace(config or MissionConfig(), share=share),
+            tell,
         )
         head = ledger.head.hash.hex()
     pose = simulator.pose(robot)

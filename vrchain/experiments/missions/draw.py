@@ -11,7 +11,7 @@ or more. Robots face anywhere.
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -20,19 +20,15 @@ from vrchain.experiments.missions.chains import PLACE, Chains, TrueChain, Views
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
-from vrchain.simulation.collision_free import Array
-from vrchain.simulation.task import (
-    GOAL_PICTURES,
-    SUCCESS_RANGE_M,
-    goal_ids,
-    goal_poses,
-    robot_names,
-)
+from vrchain.simulation.collision_free import SPACING_M, Array
+from vrchain.simulation.goals import GOAL_PICTURES, goal_ids, goal_poses
+from vrchain.simulation.task import SUCCESS_RANGE_M, robot_names
 from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
 
 WAY_M = (40.0, 120.0)
-_SMALL_SHARE = 1 / 3  # of a small world's length and width together, where that is less
+_SMALL_SHARE = 1 / 3  # of a small world's length and width together, where that is less,
+_ROOM_SHARE = 0.75  # or of the side of a square as large as the room
 _APART_M = 2.0  # robots are not nearer to each other
 _PLACES = 100  # in a suburb, where chains of so many landmarks are asked for
 _DRAWS, _DRAWS_AMONG_PLACES = 2000, 50_000
@@ -79,7 +75,11 @@ class Ground:
         self.chains = Chains(scene, truth, self.rig)
         self.free = self.chains.free
         self._places: dict[tuple[int, int, int], tuple[Array, Views]] = {}
-        self._pictured = cache(lambda target, seed: goal_poses(scene, truth, target, seed))
+        self._pictured = cache(
+            lambda target, seed, room: goal_poses(
+                scene, truth, target, seed, partial(self.free.is_in, room)
+            )
+        )
 
     def draw(
         self,
@@ -142,9 +142,14 @@ class Ground:
             zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
-        least_m = min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
+        room_m2 = float((self.free.region == room).sum()) * SPACING_M**2
+        small_m = _SMALL_SHARE * sum(self.scene.extent_m)
+        least_m = min(WAY_M[0], small_m, _ROOM_SHARE * room_m2**0.5)
         if not least_m <= way_m <= WAY_M[1]:
             return "way too short" if way_m < least_m else "way too long"
+        pictured = tuple(self._pictured(target, seed, room)) if target is not None else ()
+        if target is not None and len(pictured) < GOAL_PICTURES:
+            return "goal cannot be pictured"
         if target is None:
             in_view = len(views.shared(poses[0], poses[-1])) > 0
         else:
@@ -158,9 +163,6 @@ class Ground:
             return f"no chain of {least} or more"
         if target is None:
             return Mission(number, PLACE, (poses[-1],), team, way_m, chain)
-        pictured = tuple(self._pictured(target, seed))
-        if len(pictured) < GOAL_PICTURES:
-            return "goal cannot be pictured"
         return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
 
     def room(self, to_places: bool = False) -> tuple[int, list[int]]:
