@@ -5,7 +5,7 @@ a twin, or, asked for places, in free space too; all in the largest region that 
 is rejected if the shortest free way is not 40 to 120 m long, if a pixel of the goal is in view at
 the start, or a landmark in view from the place that is the goal, or if the goal cannot be pictured
 unoccluded. Every third mission, or each if so asked, is drawn until its chain needs two landmarks
-or more. Robots face anywhere.
+or more; not in a house, where such are rare, and ways shorter. Robots face anywhere.
 """
 
 from collections import Counter
@@ -100,11 +100,12 @@ class Ground:
         places = self.places(seed, k, room) if landmarks else None
         draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
         names = robot_names(n_robots)
-        least = landmarks or (2 if number % 3 == 0 else 0)
+        least_m, confined = self._least_m(room)
+        least = landmarks or (2 if number % 3 == 0 and not confined else 0)
         rejected: Counter[str] = Counter()
         most = _DRAWS_AMONG_PLACES if places else _DRAWS
         for _ in range(most):
-            found = self._draw(draws, names, room, goals, seed, number, least, places)
+            found = self._draw(draws, names, room, goals, seed, number, least, least_m, places)
             if isinstance(found, Mission):
                 return replace(found, rejected=dict(rejected))
             rejected[found] += 1
@@ -122,6 +123,7 @@ class Ground:
         seed: int,
         number: int,
         least: int,
+        least_m: float,
         places: tuple[Array, Views] | None,
     ) -> Mission | str:
         """A mission, or why it is none; without goals to choose from, to a place."""
@@ -142,9 +144,6 @@ class Ground:
             zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
-        room_m2 = float((self.free.region == room).sum()) * SPACING_M**2
-        small_m = _SMALL_SHARE * sum(self.scene.extent_m)
-        least_m = min(WAY_M[0], small_m, _ROOM_SHARE * room_m2**0.5)
         if not least_m <= way_m <= WAY_M[1]:
             return "way too short" if way_m < least_m else "way too long"
         pictured = tuple(self._pictured(target, seed, room)) if target is not None else ()
@@ -164,6 +163,12 @@ class Ground:
         if target is None:
             return Mission(number, PLACE, (poses[-1],), team, way_m, chain)
         return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
+
+    def _least_m(self, room: int) -> tuple[float, bool]:
+        """How long a way is at least, and whether it is shorter as the room is small."""
+        usual_m = min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
+        room_m = _ROOM_SHARE * SPACING_M * float((self.free.region == room).sum()) ** 0.5
+        return min(usual_m, room_m), room_m < usual_m
 
     def room(self, to_places: bool = False) -> tuple[int, list[int]]:
         """The region that missions are drawn in, and its goals. MissionError if it has none."""
