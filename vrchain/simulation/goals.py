@@ -79,17 +79,14 @@ def goal_poses(
 ) -> list[Pose]:
     """Up to four free poses, 6-15 m from an object's side, that look at it unoccluded.
 
-    Half or a quarter as far, where that finds fewer, as in rooms, but for what is too wide to be
-    seen from so near. fits: whether places, (n, 2), will do; by default all that are free.
+    A quarter or half as far from what is no building, and no wider than 3 or 6 m, if there is room:
+    it shows little from afar. fits: whether places, (n, 2), will do; by default all that are free.
     """
-    found = list[Pose]()
-    for share in SHARES:
-        near_m = share * GOAL_RANGE_M[0]
-        if len(found) == GOAL_PICTURES or (
-            share < 1 and scene.objects[target].width_m / 2 > near_m
-        ):
-            break
-        found = _goal_poses(scene, truth, target, generator(seed, "goal", target), share, fits)
+    found, thing = list[Pose](), scene.objects[target]
+    least = 1.0 if thing.kind in sum(_GOAL_KINDS, ()) else thing.width_m / 2 / GOAL_RANGE_M[0]
+    for share in (s for s in SHARES[::-1] if s >= min(1.0, least)):
+        if len(found) < GOAL_PICTURES:
+            found = _goal_poses(scene, truth, target, generator(seed, "goal", target), share, fits)
     return found
 
 

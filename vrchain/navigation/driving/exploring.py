@@ -2,7 +2,7 @@
 
 Of such places it takes one that is near and around which much stands that it saw from afar only:
 along a suburb's edge there is little to find. Where none is as far from all others as in a suburb,
-as in rooms, half or a quarter as far will do.
+as in rooms, half, a quarter or an eighth of that will do.
 """
 
 from collections.abc import Sequence
@@ -20,7 +20,7 @@ _WITHIN_M = 60.0
 _TURN_M = 4.0  # of way, that a radian of turn counts for
 _SEEN_M, _SHOWS_M = 15.0, 20.0  # what was seen from so near is known; a place shows so much around
 _CELL_M = 5.0  # what is seen to stand in one such cell is one thing
-_SHARES = (1.0, 0.5, 0.25)  # of all that is far, one after the other
+_SHARES = (1.0, 0.5, 0.25, 0.125)  # of all that is far, one after the other
 _WORTH = 6.0  # so many things to see are worth as long a way again
 
 

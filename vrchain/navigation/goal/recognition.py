@@ -91,15 +91,13 @@ class GoalPictures:
     """A goal as a robot knows it: what its pictures show, and the keypoints of each.
 
     keypoints: of what the pictures are framed on, without what stands before or beside it, which
-    may stand elsewhere too. taken_m: from how far, about, each picture was taken; share: of 6 to
-    15 m.
+    may stand elsewhere too. taken_m: from how far, about, each picture was taken.
     """
 
     shown: Query
     keypoints: Goal
     calibration: Calibration
     taken_m: tuple[float, ...]
-    share: float = 1.0
 
     def find(
         self,
@@ -131,7 +129,7 @@ class GoalPictures:
         bearing, half_rad = float((left + right) / 2), float((right - left) / 2)
         range_m = look.proposals.range_m[i]
         *_, by_keypoint = _BELIEF
-        odds = float(_BELIEF[:-1] @ [1.0, looks, 10 * alike, depth(range_m / self.share)])
+        odds = float(_BELIEF[:-1] @ [1.0, looks, 10 * alike, depth(range_m)])
         hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
         seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
         matches, n_shown = max(
@@ -172,7 +170,7 @@ def goal_from(
         own.append(template)
         taken_m.append(range_m)
     known, calibration = query_of(records), load_calibration(weights)
-    return GoalPictures(known, Goal(tuple(own)), calibration, tuple(taken_m), share)
+    return GoalPictures(known, Goal(tuple(own)), calibration, tuple(taken_m))
 
 
 def _of_subject(
