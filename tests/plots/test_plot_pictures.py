@@ -58,7 +58,7 @@ def test_a_house_is_drawn_by_its_roof() -> None:
     house = box("h", (0.0, 0.0), (6.0, 4.0, 3.0), plain(RED))
     object.__setattr__(house, "kind", "house")
     (outline,) = scene_map(world(house)).axes[0].patches
-    corners = outline.get_xy()
+    corners = outline.get_path().vertices
     assert np.allclose([corners.min(axis=0), corners.max(axis=0)], [[-3, -2], [3, 2]])
 
 

@@ -1,4 +1,3 @@
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -7,22 +6,14 @@ import shapely
 import worlds
 from hamlet import GOAL, hamlet, hamlet_truth
 from sights import RIG
+from test_simulated_goals import shut_in
 
 from vrchain.errors import MissionError
 from vrchain.landmarks.quality import co_visible
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import CameraRig
-from vrchain.simulation.task import (
-    GOAL_PICTURES,
-    SPACING_M,
-    Task,
-    draw_task,
-    goal_ids,
-    goal_pictures,
-    goal_poses,
-    robot_names,
-)
-from vrchain.world.model import SceneObject
+from vrchain.simulation.goals import GOAL_PICTURES, goal_pictures
+from vrchain.simulation.task import SPACING_M, Task, draw_task, robot_names
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -135,33 +126,7 @@ def test_a_goal_in_plain_view_of_everywhere_is_said_plainly() -> None:
 
 
 @pytest.mark.usefixtures("_few_draws")
-def test_a_goal_that_is_shut_in_has_no_pictures() -> None:
-    goal = worlds.box("goal", (0, 0), (1, 1, 1), worlds.blotches("goal"))
-    sides = {(0, 4): (9, 0.2, 4), (0, -4): (9, 0.2, 4), (4, 0): (0.2, 9, 4), (-4, 0): (0.2, 9, 4)}
-    walls = [worlds.box(f"w{c}", c, size, worlds.blotches("w")) for c, size in sides.items()]
-    scene = worlds.world(goal, *walls)
-    truth = GroundTruth(scene)
-    assert goal_poses(scene, truth, scene.index_of("goal"), 0) == []
-    with pytest.raises(MissionError):
-        draw_task(scene, truth, RIG, 0, goal="goal")
-
-
-def test_without_buildings_goals_are_large_things_without_a_twin() -> None:
-    def thing(name: str, size_m: tuple[float, float, float], base_m: float = 0.0) -> SceneObject:
-        at = (float(len(name)), 0.0)
-        return worlds.box(name, at, size_m, worlds.plain((9, 9, 9)), base_m=base_m)
-
-    chairs = [replace(thing(name, (1, 1, 1)), model="chair") for name in ("chair", "chair_1")]
-    cup, lamp = thing("cup", (0.1, 0.1, 0.1)), thing("ceiling lamp", (1, 1, 0.2), 2.5)
-    wall = worlds.box("wall", (0, 9), (9, 0.1, 2), worlds.plain((9, 9, 9)), landmark=False)
-    scene = worlds.world(*chairs, cup, lamp, wall, thing("sofa", (2, 0.9, 0.8)))
-    assert goal_ids(scene, None) == [scene.index_of("sofa")]
-    with pytest.raises(MissionError, match="name a --goal"):
-        goal_ids(worlds.world(*chairs, cup, lamp, wall), None)
-
-
-def test_walls_farther_away_all_around_are_pictured_from_their_middle() -> None:
-    walls = worlds.box("walls", (0, 0), (36, 36, 2), worlds.blotches("walls"))
-    scene = worlds.world(replace(walls, outline=shapely.box(-18, -18, 18, 18).exterior))
-    poses = goal_poses(scene, GroundTruth(scene), scene.index_of("walls"), 0)
-    assert [tuple(pose.xy_m) for pose in poses] == [(0, 0)] * GOAL_PICTURES
+def test_a_goal_without_enough_pictures_is_said_plainly() -> None:
+    scene = shut_in()
+    with pytest.raises(MissionError, match="'goal'"):
+        draw_task(scene, GroundTruth(scene), RIG, 0, goal="goal")

@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from vrchain.robot import Drive, Observation
 
-GOAL_RANGE_M = (6.0, 15.0)  # from which a goal's pictures are taken
+GOAL_RANGE_M = (6.0, 15.0)  # from which a goal's pictures are taken, in suburbs
 _BEFORE = "~"
 
 
@@ -22,8 +22,12 @@ class Body(Protocol):
 
 @dataclass(frozen=True)
 class MissionConfig:
-    """How a mission is driven."""
+    """How a mission is driven.
 
+    share: of 6 to 15 m, from how far the goal's pictures were taken, and it is looked at.
+    """
+
+    share: float = 1.0
     approach_m: float = 3.0  # a landmark is reached at this range, so that it hides no other
     arrival_m: float = 1.5  # the goal is reached at this range
     glance_every_m: float = 2.5  # of way: a view of what is driven to

@@ -5,7 +5,8 @@ import shapely
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
-from matplotlib.patches import Patch
+from matplotlib.patches import Patch, PathPatch
+from matplotlib.path import Path
 from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
@@ -46,10 +47,13 @@ def draw_scene(axes: Axes, scene: Scene) -> None:
         colour = _KIND_COLOURS.get(obj.kind, _OTHER_COLOUR)
         thin = obj.kind in _THIN or obj.kind not in _KIND_COLOURS
         for part in shapely.get_parts(_plan(obj)):
-            axes.fill(
-                *part.exterior.xy, facecolor=colour, edgecolor=colour if thin else "black",
+            rings = (part.exterior, *part.interiors)
+            path = Path.make_compound_path(*(Path(ring.coords) for ring in rings))
+            outline = PathPatch(
+                path, facecolor=colour, edgecolor=colour if thin else "black",
                 linewidth=1.6 if thin else 0.4, alpha=0.6 if obj.kind == "tree" else 1.0,
             )  # fmt: skip
+            axes.add_patch(outline)
 
 
 def draw_ground(axes: Axes, scene: Scene) -> None:

@@ -23,7 +23,7 @@ from vrchain.world.truth import GroundTruth
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-_SPACING_M, _CLEARANCE_M = 0.5, 0.5
+SPACING_M, _CLEARANCE_M = 0.5, 0.5
 _FLOOR_M = (-0.25, 0.05)  # what lies at such a height carries a robot
 _REACH = 3  # cells that a step goes at most, along either axis
 _STEPS = [(y, x) for y, x in product(range(-_REACH, _REACH + 1), repeat=2) if gcd(y, x) == 1]
@@ -36,8 +36,8 @@ class FreeSpace:
     """
 
     def __init__(self, scene: Scene, truth: GroundTruth | None = None) -> None:
-        half = np.array(scene.extent_m) / 2 - _SPACING_M / 2
-        x, y = (np.arange(-h, h + 1e-9, _SPACING_M) for h in half)
+        half = np.array(scene.extent_m) / 2 - SPACING_M / 2
+        x, y = (np.arange(-h, h + 1e-9, SPACING_M) for h in half)
         points = np.stack(np.meshgrid(x, y), axis=-1)
         free = scene.is_free(points.reshape(-1, 2), _CLEARANCE_M).reshape(len(y), len(x))
         if truth is not None and (carried := _is_carried(truth, points[free])).any():
@@ -67,7 +67,7 @@ class FreeSpace:
     def is_in(self, region: int, xy_m: ArrayLike) -> NDArray[np.bool_]:
         """Whether places, (n, 2), are beside a point of a region and no nearer to others': (n,)."""
         away_m, nearest = self._tree.query(xy_m)
-        return np.asarray((self.region[nearest] == region) & (away_m <= _SPACING_M))
+        return np.asarray((self.region[nearest] == region) & (away_m <= SPACING_M))
 
     @cached_property
     def _tree(self) -> KDTree:
@@ -128,7 +128,7 @@ def _steps_m(free: NDArray[np.bool_]) -> csr_array:
         can = np.min(crossed, axis=0) >= 0
         there = wide[_REACH + dy :, _REACH + dx :][:rows, :columns]
         ends.append(np.stack([number[can], there[can]]))
-        lengths_m.append(np.full(can.sum(), _SPACING_M * np.hypot(dy, dx)))
+        lengths_m.append(np.full(can.sum(), SPACING_M * np.hypot(dy, dx)))
     n = int(free.sum())
     return csr_array((np.concatenate(lengths_m), np.concatenate(ends, axis=1)), shape=(n, n))
 

@@ -6,7 +6,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -26,8 +26,9 @@ from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, goal_pictures, scene_task
+from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, scene_task
 from vrchain.simulation.team import PublishingRobot, assemble, drive_to_places, team_ledger
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
@@ -128,8 +129,11 @@ def send(
     scene, started_ns = simulator.scene, simulator.clock_ns
     published, index = published_of(ledger, robot), index_of(ledger, perception)
     panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
-    shown = goal_from(pictures, weights)
-    result = drive_mission(robot, body, published, index, shown, perception, config, tell)
+    share = pictured_share(scene, task.goal, task.goal_poses)
+    shown, config = goal_from(pictures, weights, share), config or MissionConfig()
+    result = drive_mission(
+        robot, body, published, index, shown, perception, replace(config, share=share), tell
+    )
     pose = simulator.pose(robot)
     at_goal, range_m = is_at(scene, simulator.truth, task.goal, pose, simulator.rig)
     return MissionRun(

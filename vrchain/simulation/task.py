@@ -3,44 +3,34 @@
 The robots that carry it out never see it.
 """
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice, pairwise
 
 import numpy as np
-import shapely
 from numpy.typing import NDArray
-from scipy.optimize import brentq
 
 from vrchain.errors import MissionError
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose
 from vrchain.landmarks.quality import co_visible
-from vrchain.navigation.settings import GOAL_RANGE_M
-from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 from vrchain.simulation.collision_free import FreeSpace
-from vrchain.world.model import Scene, SceneObject
-from vrchain.world.render import Renderer
+from vrchain.simulation.goals import GOAL_PICTURES, SHARES, goal_ids, goal_poses
+from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
 
 Points = NDArray[np.float64]
 SUCCESS_RANGE_M = 3.0  # from the goal's side
-SUCCESS_RANGE_M = 3.0  # from the goal's side
 SPACING_M = (5.0, 8.0)  # between neighbours of a chain
-GOAL_PICTURES = 4
-_CLEARANCE_M = 1.0
+_CLEARANCE_M, _LEAST_CLEARANCE_M = 1.0, 0.5
 _BATCH = 20_000  # chains of places tried at once
 _BATCHES = 8
 _CHOICES = 4  # tasks among which the one that needs the chain most is taken
-_GOAL_DRAWS = 160
-_GOAL_KINDS = (("house",), ("shop", "building", "barn"))  # drawn from, if no goal is named
-_LEAST_GOAL_M = 0.8  # wide, where no building can be drawn
 _GOAL_FROM_LAST_M = (5.0, 15.0)  # from the goal's side
 _LEAST_SEEN = 0.2  # share of the goal's surface that the last robot sees
 _SURFACE_POINTS = 60
-_UNOCCLUDED = 0.9
-_FRAME = 1.1  # the goal's pictures are this much larger than the goal
 _RUN_UP_M = 6.0  # the way a robot drives to its place
 
 
@@ -69,17 +59,22 @@ def draw_task(
     """A chain of robots, neighbours 5-8 m apart, whose last one alone sees the goal.
 
     All of them, and the goal, are in one room: the largest free region that holds a goal. ``robot``
-    stands at the other end, with not a pixel of the goal in view. Neighbours see a
-    landmark in common. Of some such places the one is taken where the two ends have fewest in
-    common, so that the chain is needed. MissionError if none is found, or if there is no such
-    robot or goal.
+    stands at the other end, with not a pixel of the goal in view. Neighbours see a landmark in
+    common. Of some such places the one is taken where the two ends have fewest in common, so that
+    the chain is needed. Where there is none, as in rooms, all is half or a quarter as far apart.
+    MissionError if none is found, or if there is no such robot or goal.
     """
     names, goals = robot_names(n_robots, robot), goal_ids(scene, goal)
-    found = list(islice(_tasks(scene, truth, rig, seed, names, goals), _CHOICES))
+    free = FreeSpace(scene, truth)
+    found = list[tuple[int, Task]]()
+    for share in SHARES:
+        tasks = _tasks(scene, truth, free, rig, seed, names, goals, share)
+        if found := list(islice(tasks, _CHOICES)):
+            break
     if not found:
         sought = f"the goal {goal!r}" if goal else "a goal"
         raise MissionError(
-            f"found no place where the last of {n_robots} robots, {SPACING_M[0]:g}-"
+            f"found no place where the last of {n_robots} robots, {SHARES[-1] * SPACING_M[0]:g}-"
             f"{SPACING_M[1]:g} m apart, sees {sought} and the others do not: "
             "try another goal or seed, or fewer robots"
         )
@@ -111,7 +106,7 @@ def scene_task(
     if name is None:
         raise MissionError(f"the scene {scene.name!r} sets no goal: name a --goal")
     (target,) = goal_ids(scene, name)
-    starts = _starts(scene, list(places.values()), generator(seed, "task"))
+    starts = _starts(scene, list(places.values()), 1.0, generator(seed, "task"))
     pictured = goal_poses(scene, truth, target, seed)
     if len(starts) < len(places) or len(pictured) < GOAL_PICTURES:
         raise MissionError(
@@ -125,24 +120,29 @@ def scene_task(
 def _tasks(
     scene: Scene,
     truth: GroundTruth,
+    free: FreeSpace,
     rig: CameraRig,
     seed: int,
     names: list[str],
     goals: list[int],
+    share: float,
 ) -> Iterator[tuple[int, Task]]:
-    """Tasks as ``draw_task`` describes them, with the landmarks that both ends see."""
+    """Tasks as ``draw_task`` describes them, with the landmarks that both ends see.
+
+    share: of the distances in suburbs.
+    """
     draws = generator(seed, "task")
     pictured: dict[int, list[Pose]] = {}
-    free = FreeSpace(scene, truth)
     room, goals = free.room(scene, goals, SUCCESS_RANGE_M)
     if not goals:
         return
+    in_room = partial(free.is_in, room)
     for _ in range(_BATCHES):
-        for target, chain in _hidden_goals(scene, truth, goals, len(names), draws):
-            if not free.is_in(room, chain).all():
+        for target, chain in _hidden_goals(scene, truth, goals, len(names), share, draws):
+            if not in_room(chain).all():
                 continue
             if target not in pictured:
-                pictured[target] = goal_poses(scene, truth, target, seed)
+                pictured[target] = goal_poses(scene, truth, target, seed, in_room)
             if len(pictured[target]) < GOAL_PICTURES:
                 continue
             places = [Pose(*map(float, (*xy, draws.uniform(-np.pi, np.pi)))) for xy in chain]
@@ -150,8 +150,8 @@ def _tasks(
                 continue
             if not all(co_visible(truth, a, b, rig) for a, b in pairwise(places)):
                 continue
-            starts = _starts(scene, places, draws)
-            if len(starts) == len(names) and free.is_in(room, [s.xy_m for s in starts]).all():
+            starts = _starts(scene, places, share, draws)
+            if len(starts) == len(names) and in_room([s.xy_m for s in starts]).all():
                 stand, begin = (dict(zip(names, p, strict=True)) for p in (places, starts))
                 task = Task(stand, begin, scene.objects[target].name, tuple(pictured[target]))
                 yield len(co_visible(truth, places[0], places[-1], rig)), task
@@ -167,82 +167,28 @@ def robot_names(n_robots: int, first: str = "R1") -> list[str]:
     return [first, *(n for n in names if n != first)]
 
 
-def goal_poses(scene: Scene, truth: GroundTruth, target: int, seed: int) -> list[Pose]:
-    """Up to four free poses, 6-15 m from an object's side, that look at it unoccluded."""
-    alone = GroundTruth(Scene("alone", scene.extent_m, (scene.objects[target],)))
-    centre = scene.objects[target].bounds_m[:, :2].mean(axis=0)
-    draws = generator(seed, "goal", target)
-    offset_rad = draws.uniform(0, 2 * np.pi)
-    rig, found = CameraRig(n_views=1, field_of_view_deg=110.0), list[Pose]()
-    for attempt in range(_GOAL_DRAWS):
-        if len(found) == GOAL_PICTURES:
-            break
-        # evenly around the object at first, anywhere if that does not work
-        spread_rad = 0.2 + attempt / 40
-        azimuth = offset_rad + np.pi / 2 * len(found) + draws.normal(0, spread_rad)
-        side_m, outward = draws.uniform(*GOAL_RANGE_M), np.array([np.cos(azimuth), np.sin(azimuth)])
-        x_m, y_m = _off(scene.objects[target].footprint, centre, outward, side_m)
-        pose = Pose(float(x_m), float(y_m), float(wrap_angle_rad(azimuth + np.pi)))
-        if not scene.is_free([pose.xy_m])[0]:
-            continue
-        seen = truth.visibility(pose, rig, of=target).area_deg2
-        whole = alone.visibility(pose, rig, of=0).area_deg2
-        if len(seen) and seen[target] >= _UNOCCLUDED * whole[0]:
-            found.append(pose)
-    return found
-
-
-def _off(footprint: shapely.Geometry, centre: Points, outward: Points, side_m: float) -> Points:
-    """The place outward from a footprint's centre, (2,), that is so far off its side."""
-
-    def too_far_m(way_m: float) -> float:
-        point = shapely.Point(centre + way_m * outward)
-        return float(shapely.distance(footprint, point)) - side_m
-
-    if too_far_m(0.0) >= 0:  # amidst walls that are as far all around
-        return centre
-    x0, y0, x1, y1 = footprint.bounds
-    most_m = float(np.hypot(x1 - x0, y1 - y0)) + side_m
-    return np.asarray(centre + brentq(too_far_m, 0.0, most_m) * outward)
-
-
-def goal_pictures(
-    scene: Scene, renderer: Renderer, goal: str, poses: Sequence[Pose], rig: CameraRig
-) -> list[Panorama]:
-    """Single views framed on the goal, as one who points it out would take them.
-
-    As many pixels a degree as the team's own cameras have.
-    """
-    corners = np.concatenate([s.vertices_m for s in scene.objects[scene.index_of(goal)].surfaces])
-    pictures = []
-    for pose in poses:
-        side_rad = max(abs(pose.bearing_to_rad(c)) for c in corners[:, :2])
-        rise_m = np.abs(corners[:, 2] - rig.camera_height_m)
-        slope = float((rise_m / np.linalg.norm(corners[:, :2] - pose.xy_m, axis=1)).max())
-        half_rad = float(np.clip(_FRAME * side_rad, np.radians(3), np.radians(50)))
-        width_px = 2 * round(rig.focal_px * np.tan(half_rad))
-        height_px = min(rig.height_px, 2 * round(rig.focal_px * _FRAME * slope))
-        field_deg = 2 * float(np.degrees(np.arctan(width_px / 2 / rig.focal_px)))
-        single = CameraRig(1, width_px, height_px, field_deg, rig.camera_height_m)
-        pictures.append(renderer.render(pose, single))
-    return pictures
-
-
 def _hidden_goals(
-    scene: Scene, truth: GroundTruth, goals: list[int], n_robots: int, draws: np.random.Generator
+    scene: Scene,
+    truth: GroundTruth,
+    goals: list[int],
+    n_robots: int,
+    share: float,
+    draws: np.random.Generator,
 ) -> Iterator[tuple[int, Points]]:
     """Goals with chains of places, (n_robots, 2), whose last alone sees any of the goal."""
     target = draws.choice(goals, _BATCH)
     bounds = np.array([scene.objects[i].bounds_m[:, :2] for i in target])
     half_m = np.ptp(bounds, axis=1).max(axis=1) / 2
     course = draws.uniform(-np.pi, np.pi, _BATCH)
-    step_m = half_m + draws.uniform(*_GOAL_FROM_LAST_M, _BATCH)
+    step_m = half_m + share * draws.uniform(*_GOAL_FROM_LAST_M, _BATCH)
     chain = [bounds.mean(axis=1) + step_m[:, None] * _unit(course)]
     for _ in range(n_robots - 1):
         course = course + draws.normal(0.0, 1.0, _BATCH)  # away from the goal, round corners
-        chain.insert(0, chain[0] + draws.uniform(*SPACING_M, _BATCH)[:, None] * _unit(course))
+        step_m = share * draws.uniform(*SPACING_M, _BATCH)
+        chain.insert(0, chain[0] + step_m[:, None] * _unit(course))
     places = np.stack(chain, axis=1)
-    free = scene.is_free(places.reshape(-1, 2), _CLEARANCE_M).reshape(-1, n_robots).all(axis=1)
+    fits = scene.is_free(places.reshape(-1, 2), _clearance_m(share))
+    free = fits.reshape(-1, n_robots).all(axis=1)
     if not free.any():
         return
     target, places = target[free], places[free]
@@ -286,59 +232,25 @@ def _unit(angle_rad: NDArray[np.float64]) -> Points:
     return np.stack([np.cos(angle_rad), np.sin(angle_rad)], axis=-1)
 
 
-def _starts(scene: Scene, places: Sequence[Pose], draws: np.random.Generator) -> list[Pose]:
+def _starts(
+    scene: Scene, places: Sequence[Pose], share: float, draws: np.random.Generator
+) -> list[Pose]:
     """Starts some metres off the places, which are reached straight ahead; fewer if one has none.
 
     Well apart from each other.
     """
     starts: list[Pose] = []
+    clearance_m = _clearance_m(share)
     for place in places:
         for yaw in draws.uniform(-np.pi, np.pi, 24):
             back = -np.array([np.cos(yaw), np.sin(yaw)])
-            way = place.xy_m + np.linspace(0.0, _RUN_UP_M, 13)[:, None] * back
-            apart = all(start.distance_to_m(way[-1]) > 2 * _CLEARANCE_M for start in starts)
-            if apart and scene.is_free(way, _CLEARANCE_M).all():
+            way = place.xy_m + np.linspace(0.0, share * _RUN_UP_M, 13)[:, None] * back
+            apart = all(start.distance_to_m(way[-1]) > 2 * clearance_m for start in starts)
+            if apart and scene.is_free(way, clearance_m).all():
                 starts.append(Pose(float(way[-1, 0]), float(way[-1, 1]), float(yaw)))
                 break
     return starts
 
 
-def _is_large(thing: SceneObject) -> bool:
-    """Whether it is as large as furniture, and stands on the floor or hangs at hand."""
-    low_m = float(thing.bounds_m[0, 2])
-    return max(thing.size_m[:2]) >= _LEAST_GOAL_M and low_m < _LEAST_GOAL_M
-
-
-def goal_ids(scene: Scene, goal: str | None) -> list[int]:
-    """The object of that name, or without a name all that goals are drawn from.
-
-    Those are houses without a twin, or else other buildings without one, or else, as indoors, other
-    landmarks without one that are large. MissionError if there is no such object, or if it is no
-    landmark.
-    """
-    if goal is None:
-        placings = Counter(o.model for o in scene.objects)
-        alone = [
-            (i, o.kind)
-            for i, o in enumerate(scene.objects)
-            if o.landmark and placings[o.model] == 1
-        ]
-        for kinds in _GOAL_KINDS:
-            if drawn := [i for i, kind in alone if kind in kinds]:
-                return drawn
-        if large := [i for i, _ in alone if _is_large(scene.objects[i])]:
-            return large
-        raise MissionError(
-            "the scene has no landmark of a size without a twin to draw as a goal: name a --goal"
-        )
-    try:
-        target = scene.index_of(goal)
-    except KeyError:
-        raise MissionError(
-            f"the scene has no object {goal!r}: see `vrchain scene info` for its objects"
-        ) from None
-    if not scene.objects[target].landmark:
-        raise MissionError(
-            f"{goal!r} is no landmark and cannot be a goal: choose a standing object"
-        )
-    return [target]
+def _clearance_m(share: float) -> float:
+    return max(_LEAST_CLEARANCE_M, share * _CLEARANCE_M)

@@ -16,6 +16,7 @@ from vrchain.world.model import LightMap, SceneObject, Surface
 from vrchain.world.occlusion import MARGIN_M, Obstacles, is_over, obstacles
 from vrchain.world.spec import LightSpec
 
+_BATCH = 1 << 17  # triangles at a time
 _SUN_CELL_M, _SKY_CELL_M = 0.25, 0.5
 _SUN_RADIUS_RAD, _SUN_RAYS = np.radians(1.2), 3  # wider than the true sun: shadows are softer
 _SKY = ((20.0, 8, 0.57), (52.0, 6, 0.39), (90.0, 1, 0.04))  # elevation, directions, solid angle
@@ -117,15 +118,19 @@ def bake(
     leaf = np.array([s.cut_out for s in surfaces], dtype=bool)[mesh.owner]
     normals[leaf] = 0.0
     sun, sun_on_ground = _sun(blockers, light, mesh.vertices_m, normals)
-    sky, sky_on_ground = _sky(blockers.coarser(), mesh.vertices_m, normals)
+    blockers = blockers.coarser()
+    sky, sky_on_ground = _sky(blockers, mesh.vertices_m, normals)
     facing = np.where(leaf, _LEAF_FACING, np.clip(normals @ light.direction, 0, 1))
     shade = mesh.shade * light.towards(facing, normals[:, 2], sun, sky)
     parts = iter(_parted(replace(mesh, shade=shade), surfaces))
     baked = [replace(t, surfaces=tuple(next(parts) for _ in t.surfaces)) for t in things]
     size = sun_on_ground.shape[::-1]
     wide_sky = np.asarray(cv2.resize(sky_on_ground, size, interpolation=cv2.INTER_LINEAR))
-    ground = light.towards(light.direction[2], 1.0, sun_on_ground, wide_sky)
-    return baked, LightMap(np.round(255 * ground[::-1]).astype(np.uint8), -half, half)
+    # a row at a time: on a wide map all at once would fill the memory
+    rows = zip(sun_on_ground[::-1], wide_sky[::-1], strict=True)
+    ground = [light.towards(light.direction[2], 1.0, *row) for row in rows]
+    image = np.stack([np.round(255 * row).astype(np.uint8) for row in ground])
+    return baked, LightMap(image, -half, half)
 
 
 def _sun(
@@ -136,17 +141,17 @@ def _sun(
         return np.ones(len(points), np.float32), np.ones(things.shape, np.float32)
     x, y, z = light.direction
     azimuth, elevation = np.arctan2(y, x), np.arcsin(z)
-    seen = [
-        things.arriving(
-            _direction(
-                azimuth + _SUN_RADIUS_RAD * np.cos(turn) / np.cos(elevation),
-                elevation + _SUN_RADIUS_RAD * np.sin(turn),
-            ),
-            _before(points, normals, _SUN_CELL_M),
+    start = _before(points, normals, _SUN_CELL_M)
+    total, ground = np.zeros(len(points), np.float32), np.zeros(things.shape, np.float32)
+    for turn in 2 * np.pi * (np.arange(_SUN_RAYS) + 0.5) / _SUN_RAYS:
+        towards = _direction(
+            azimuth + _SUN_RADIUS_RAD * np.cos(turn) / np.cos(elevation),
+            elevation + _SUN_RADIUS_RAD * np.sin(turn),
         )
-        for turn in 2 * np.pi * (np.arange(_SUN_RAYS) + 0.5) / _SUN_RAYS
-    ]
-    return np.mean([p for p, _ in seen], axis=0), np.mean([g for _, g in seen], axis=0)
+        share, on_ground = things.arriving(towards, start)
+        total += share
+        ground += on_ground
+    return total / np.float32(_SUN_RAYS), ground / np.float32(_SUN_RAYS)
 
 
 def _sky(
@@ -185,31 +190,40 @@ def _cut(
     uncut: which surfaces stay as they are. half: (x, y), what lies farther from the origin is not
     cut. Nor is any more once there are ``_MOST_FACES``. Returns the unit normals, (n, 3), as well.
     """
-    n = len(mesh.owner)
-    columns = (mesh.vertices_m, mesh.uv, mesh.shade, mesh.owner)
-    corners = np.column_stack([*columns, vertex_normals(mesh.vertices_m, mesh.faces)])
+    n, owner = len(mesh.owner), mesh.owner
+    normals = vertex_normals(mesh.vertices_m, mesh.faces)
+    columns = [np.asarray(c, dtype=float) for c in (mesh.vertices_m, mesh.uv, mesh.shade, normals)]
     faces = mesh.faces.astype(np.int64)
     fresh = np.flatnonzero(~np.array(uncut, dtype=bool)[mesh.owner[faces[:, 0]]])
     while len(fresh) and len(faces) < _MOST_FACES:
-        points = corners[faces[fresh], :3]
-        side = np.roll(points, -1, axis=1) - points
-        length = np.linalg.norm(side, axis=2)
-        area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2
-        is_large = is_over(points, half) & (length.max(axis=1) > _FINE_M) & (area > _FINE_M2)
-        large = fresh[is_large]
-        turn = (length[is_large].argmax(axis=1)[:, None] + np.arange(3)) % 3
+        batches = np.split(fresh, range(_BATCH, len(fresh), _BATCH))
+        found = [_large(columns[0][faces[some]], half) for some in batches]
+        large = np.concatenate([some[k] for some, (k, _) in zip(batches, found, strict=True)])
+        turn = (np.concatenate([longest for _, longest in found])[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(faces[large], turn, axis=1).T
         edges, edge = np.unique(np.sort([a, b], axis=0), axis=1, return_inverse=True)
-        middle = edge.ravel() + len(corners)
-        corners = np.concatenate([corners, corners[edges].mean(axis=0)])
+        middle = edge.ravel() + len(owner)
+        owner = np.append(owner, owner[edges[0]])
+        for i, column in enumerate(columns):
+            columns[i] = np.concatenate([column, column[edges].mean(axis=0)])
         faces[large] = np.column_stack([a, middle, c])
         fresh = np.concatenate([large, len(faces) + np.arange(len(large))])
         faces = np.concatenate([faces, np.column_stack([middle, b, c])])
-    normals = corners[:, 9:].copy()
+    normals = columns.pop()
     normals[n:] /= np.maximum(np.linalg.norm(normals[n:], axis=1, keepdims=True), 1e-12)
-    vertices, uv, shade = np.split(corners[:, :8].astype(np.float32), [3, 5], axis=1)
-    owner = corners[:, 8].astype(np.int32)
+    vertices, uv, shade = (column.astype(np.float32) for column in columns)
     return Joined(vertices, faces.astype(np.int32), uv, shade, mesh.texture, owner), normals
+
+
+def _large(
+    points: NDArray[np.float64], half: NDArray[np.float64]
+) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Which triangles (m, 3, 3) are to be halved, and the longest side of each of those."""
+    side = np.roll(points, -1, axis=1) - points
+    length = np.linalg.norm(side, axis=2)
+    area = np.linalg.norm(np.cross(side[:, 0], side[:, 1]), axis=1) / 2
+    is_large = is_over(points, half) & (length.max(axis=1) > _FINE_M) & (area > _FINE_M2)
+    return np.flatnonzero(is_large), length[is_large].argmax(axis=1)
 
 
 def _parted(mesh: Joined, surfaces: Sequence[Surface]) -> Iterator[Surface]:
@@ -230,8 +244,10 @@ def vertex_normals(
     vertices_m: NDArray[np.float32], faces: NDArray[np.integer]
 ) -> NDArray[np.float64]:
     """Unit normals of vertices, (n, 3): the mean of their faces' by area."""
-    a, b, c = np.moveaxis(vertices_m[faces].astype(float), 1, 0)
-    normal = np.cross(b - a, c - a)
-    corner, n = faces.ravel(), len(vertices_m)
-    total = np.stack([np.bincount(corner, np.repeat(x, 3), n) for x in normal.T], axis=1)
+    total = np.zeros((len(vertices_m), 3))
+    for some in np.split(faces, range(_BATCH, len(faces), _BATCH)):
+        a, b, c = np.moveaxis(vertices_m[some].astype(float), 1, 0)
+        normal = np.cross(b - a, c - a)
+        for axis in range(3):
+            np.add.at(total[:, axis], some.ravel(), np.repeat(normal[:, axis], 3))
     return total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), 1e-12)

@@ -84,6 +84,11 @@ class SceneObject:
         points = np.concatenate([s.vertices_m for s in self.surfaces])
         return np.array([points.min(axis=0), points.max(axis=0)], dtype=float)
 
+    @property
+    def width_m(self) -> float:
+        """How wide it is, as its model lies: the larger of its sides."""
+        return max(self.size_m[:2])
+
     @cached_property
     def footprint(self) -> shapely.Geometry:
         """Ground polygon (world frame) of the parts that a robot could bump into."""

@@ -6,13 +6,13 @@ rays (half-angle slicing: Kniss et al., IEEE TVCG 9(2), 2003), for all places at
 """
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.world.model import SceneObject
+from vrchain.world.model import SceneObject, Surface
 
 # Leaves let some light through: how much a metre of them takes away (1/m, Beer and Lambert).
 _LEAVES_PER_M = {"tree": 0.55, "bush": 1.2, "hedge": 3.0}
@@ -22,7 +22,8 @@ _LEAST_M = 0.05  # a thin lid stops light too
 MARGIN_M = 8.0  # of ground around the map
 _HIGHEST_M = 100.0  # what is higher throws no shadow
 _LONG_M = 128.0  # longer triangles are halved, so that what of them lies off the grid is left out
-_BATCH = 1 << 20  # points at a time
+_BATCH = 1 << 18  # points at a time,
+_FACES = 1 << 17  # of so many faces
 _ROW = 4096  # OpenCV's pictures have to be narrower than 32768
 # On wider maps most cells of a layer are empty. (Not on others: sums in another order would change
 # the last bits of scenes that are published.)
@@ -41,7 +42,7 @@ class Obstacles:
     low_m: NDArray[np.float64]  # (x, y) of the grid's corner
     shape: tuple[int, int]
     cell_m: float
-    cell: NDArray[np.int64]
+    cell: NDArray[np.int32]
     bottom_m: NDArray[np.float32]
     top_m: NDArray[np.float32]
     per_m: NDArray[np.float32]
@@ -94,27 +95,28 @@ class Obstacles:
             through = np.ones(self.shape, dtype=np.float32)
             through.reshape(-1)[self.cell[met]] = taken
             light[row : row + h + 1, column : column + w + 1] *= _shifted(through, *part)
-        return shares, light[below : below + h, left : left + w]
+        return shares, light[below : below + h, left : left + w].copy()
 
     def coarser(self) -> "Obstacles":
         """The same on cells twice as wide."""
         h, w = (-(-n // 2) for n in self.shape)
         row, column = np.divmod(self.cell, self.shape[1])
-        kinds, kind = np.unique(self.per_m, return_inverse=True)  # leaves take less, so come first
-        slab, member = np.unique((kind * h + row // 2) * w + column // 2, return_inverse=True)
-        bottom = np.full(len(slab), np.inf, dtype=np.float32)
-        top = np.full_like(bottom, -np.inf)
-        np.minimum.at(bottom, member, self.bottom_m)
-        np.maximum.at(top, member, self.top_m)
-        per_m = kinds[slab // (h * w)]
-        return Obstacles(self.low_m, (h, w), 2 * self.cell_m, slab % (h * w), bottom, top, per_m)
+        cell, found = row // 2 * w + column // 2, []
+        for per_m in np.unique(self.per_m):  # leaves take less, so come first
+            own = self.per_m == per_m
+            bottom = np.full(h * w, np.inf, dtype=np.float32)
+            top = np.full_like(bottom, -np.inf)
+            np.minimum.at(bottom, cell[own], self.bottom_m[own])
+            np.maximum.at(top, cell[own], self.top_m[own])
+            found.append(_slabs(bottom, top, per_m))
+        return _joined(self.low_m, (h, w), 2 * self.cell_m, found)
 
 
 class _Sparse:
     """Light that is dimmed in a few cells of a layer, as by ``_shifted`` in all of them."""
 
     def __init__(
-        self, shape: tuple[int, int], cell: NDArray[np.int64], light: NDArray[np.float32]
+        self, shape: tuple[int, int], cell: NDArray[np.int32], light: NDArray[np.float32]
     ) -> None:
         row, column = np.divmod(cell, shape[1])
         self._light, self._width = light.reshape(-1), light.shape[1]
@@ -179,27 +181,61 @@ def obstacles(
     """Standing things on a grid of cells ``cell_m`` wide over the map and a little more."""
     half = np.array(extent_m) / 2 + MARGIN_M
     h, w = round(2 * half[1] / cell_m), round(2 * half[0] / cell_m)
-    pieces = [(_KINDS.index(o.kind) if o.kind in _KINDS else len(_KINDS), s)
-              for o in objects for s in o.surfaces]  # fmt: skip
-    triangles = np.concatenate(
-        [np.empty((0, 3, 3), np.float32), *(s.vertices_m[s.faces] for _, s in pieces)]
-    )
-    kind = np.repeat([k for k, _ in pieces], [len(s.faces) for _, s in pieces])
-    triangles, kind = _near(triangles, kind, half)
-    bottom = np.full((len(_KINDS) + 1) * h * w, np.inf, dtype=np.float32)
-    top = np.full_like(bottom, -np.inf)
-    for of, points in _strewn(triangles, 0.8 * cell_m):
-        column, row = np.moveaxis(
-            np.floor((points[..., :2] + half) / cell_m).astype(np.int64), -1, 0
-        )
-        cell = (kind[of] * h + np.clip(row, 0, h - 1)) * w + np.clip(column, 0, w - 1)
-        np.minimum.at(bottom, cell.ravel(), points[..., 2].ravel())
-        np.maximum.at(top, cell.ravel(), points[..., 2].ravel())
-    filled = np.flatnonzero(bottom < _HIGHEST_M)
-    top = np.minimum(top, np.float32(_HIGHEST_M))
-    low = np.minimum(bottom[filled], top[filled] - np.float32(_LEAST_M))
-    per_m = np.array([*_LEAVES_PER_M.values(), _SOLID_PER_M], dtype=np.float32)[filled // (h * w)]
-    return Obstacles(-half, (h, w), cell_m, filled % (h * w), low, top[filled], per_m)
+    things = [(_KINDS.index(o.kind) if o.kind in _KINDS else len(_KINDS), o) for o in objects]
+    per_m = np.array([*_LEAVES_PER_M.values(), _SOLID_PER_M], dtype=np.float32)
+    found = []
+    for kind in sorted({kind for kind, _ in things}):
+        bottom = np.full(h * w, np.inf, dtype=np.float32)
+        top = np.full_like(bottom, -np.inf)
+        for some in _batches([s for k, o in things if k == kind for s in o.surfaces]):
+            triangles = _near(np.concatenate([s.vertices_m[s.faces] for s in some]), half)
+            for points in _strewn(triangles, 0.8 * cell_m):
+                column, row = np.moveaxis(
+                    np.floor((points[..., :2] + half) / cell_m).astype(np.int64), -1, 0
+                )
+                cell = np.clip(row, 0, h - 1) * w + np.clip(column, 0, w - 1)
+                np.minimum.at(bottom, cell.ravel(), points[..., 2].ravel())
+                np.maximum.at(top, cell.ravel(), points[..., 2].ravel())
+        bottom[bottom >= _HIGHEST_M] = np.inf
+        np.minimum(top, np.float32(_HIGHEST_M), out=top)
+        found.append(_slabs(bottom, top, per_m[kind]))
+    slabs = _joined(-half, (h, w), cell_m, found)
+    least_m = slabs.top_m - np.float32(_LEAST_M)
+    return replace(slabs, bottom_m=np.minimum(slabs.bottom_m, least_m))
+
+
+def _slabs(
+    bottom: NDArray[np.float32], top: NDArray[np.float32], per_m: np.float32
+) -> tuple[NDArray, ...]:
+    """Of all cells those in which something of a kind stands: from where to where, (h * w,)."""
+    filled = np.flatnonzero(np.isfinite(bottom))
+    same = np.full(len(filled), per_m, dtype=np.float32)
+    return filled.astype(np.int32), bottom[filled], top[filled], same
+
+
+def _joined(
+    low_m: NDArray[np.float64],
+    shape: tuple[int, int],
+    cell_m: float,
+    slabs: Iterable[tuple[NDArray, ...]],
+) -> Obstacles:
+    """The slabs of all kinds, on one grid."""
+    none = [np.empty(0, dtype=dtype) for dtype in (np.int32, *[np.float32] * 3)]
+    columns = zip(none, *slabs, strict=True)
+    return Obstacles(low_m, shape, cell_m, *(np.concatenate(column) for column in columns))
+
+
+def _batches(surfaces: Iterable[Surface]) -> Iterator[list[Surface]]:
+    """Surfaces, some at a time: all their triangles at once would fill the memory."""
+    some, n = list[Surface](), 0
+    for surface in surfaces:
+        some.append(surface)
+        n += len(surface.faces)
+        if n >= _FACES:
+            yield some
+            some, n = [], 0
+    if some:
+        yield some
 
 
 def is_over(triangles: NDArray[np.floating], half: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -208,33 +244,26 @@ def is_over(triangles: NDArray[np.floating], half: NDArray[np.float64]) -> NDArr
     return np.asarray(((low <= half) & (high >= -half)).all(axis=1))
 
 
-def _near(
-    triangles: NDArray[np.float32], kind: NDArray[np.int64], half: NDArray[np.float64]
-) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """Triangles (m, 3, 3), and the kinds of each, without what lies off the grid."""
-    near = []
+def _near(triangles: NDArray[np.float32], half: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Triangles (m, 3, 3), without what lies off the grid."""
+    near = [triangles[:0]]
     while len(triangles):
-        is_near = is_over(triangles, half)
-        triangles, kind = triangles[is_near], kind[is_near]
+        triangles = triangles[is_over(triangles, half)]
         side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
         is_long = side.max(axis=1, initial=0) > _LONG_M
-        near.append((triangles[~is_long], kind[~is_long]))
+        near.append(triangles[~is_long])
         turn = (side[is_long].argmax(axis=1)[:, None] + np.arange(3)) % 3
         a, b, c = np.moveaxis(np.take_along_axis(triangles[is_long], turn[..., None], axis=1), 1, 0)
         middle = (a + b) / 2
         halves = [np.stack([a, middle, c], axis=1), np.stack([middle, b, c], axis=1)]
-        triangles, kind = np.concatenate(halves), np.tile(kind[is_long], 2)
-    if not near:
-        return triangles, kind
-    return np.concatenate([t for t, _ in near]), np.concatenate([k for _, k in near])
+        triangles = np.concatenate(halves)
+    return np.concatenate(near)
 
 
-def _strewn(
-    triangles: NDArray[np.floating], step_m: float
-) -> Iterator[tuple[NDArray[np.int64], NDArray[np.float32]]]:
+def _strewn(triangles: NDArray[np.floating], step_m: float) -> Iterator[NDArray[np.float32]]:
     """Points on triangles (m, 3, 3), so dense that they skip no square of ``step_m``.
 
-    Yields the numbers (t,) of alike triangles, and (k, t, 3) points, k on each of them, in batches.
+    Yields (k, t, 3) points, k on each of t alike triangles, in batches.
     """
     side = np.linalg.norm(np.roll(triangles, -1, axis=1) - triangles, axis=2)
     turn = (side.argmax(axis=1)[:, None] + np.arange(3)) % 3  # the longest side comes first
@@ -253,4 +282,4 @@ def _strewn(
         u, v = np.meshgrid(np.linspace(0, 1, n, dtype=np.float32), np.linspace(0, 1, m))
         share = np.stack([u * (1 - v), v], axis=-1).reshape(-1, 2, 1, 1).astype(np.float32)
         for some in np.array_split(of, -(-len(of) * len(share) // _BATCH)):
-            yield some, a[some] + share[:, 0] * along[some] + share[:, 1] * across[some]
+            yield a[some] + share[:, 0] * along[some] + share[:, 1] * across[some]

@@ -45,7 +45,7 @@ def test_every_robot_has_a_goal_of_its_own_that_it_does_not_see() -> None:
 def test_all_drive_at_once_and_are_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(team_clock, "learned_perception", blind)
     monkeypatch.setattr(team_clock, "CameraRig", lambda: RIG)
-    monkeypatch.setattr(team_clock, "goal_from", lambda pictures: _Nowhere())
+    monkeypatch.setattr(team_clock, "goal_from", lambda pictures, **share: _Nowhere())
     asked: dict[str, Any] = {"seed": 3, "folder": tmp_path, "config": MissionConfig(limit_s=12.0)}
     table = evaluate(HAMLET, 1, 3, **asked)
     assert list(table.robot) == ["R1", "R2", "R3"] and not table.success.any()

@@ -45,6 +45,12 @@ def placed(folder: Path, content: str, pose: str = "") -> Scene:
     return load(folder, gz.GROUND_MODEL + thing + crate, {"worlds/a.obj": content})
 
 
+def lamp(bright: float) -> str:
+    return (
+        f'<light name="lamp" type="point"><diffuse>{bright} {bright} {bright} 1</diffuse></light>'
+    )
+
+
 def free(scene: Scene, *places: tuple[float, float]) -> list[bool]:
     return [bool(f) for f in scene.is_free(places)]
 
@@ -177,6 +183,10 @@ def test_missions_are_drawn_in_the_room_of_the_goal_where_a_floor_carries_robots
         ("<scene><ambient></ambient></scene>", 0.4),
         ("", 0.4),
         ('<light name="sun" type="directional"/>', 0.0),
+        ('<light name="sun" type="directional"/>' + lamp(1.0), 0.0),
+        (lamp(0.5), 0.65),
+        (lamp(0.5) + lamp(1.0), 0.8),
+        (lamp(1.0) + "<scene><ambient>0.9 0.9 0.9</ambient></scene>", 0.9),
     ],
 )
 def test_under_a_roof_it_is_as_light_as_the_world_says(

@@ -31,7 +31,7 @@ from vrchain.landmarks.retrieval.query import query_of
 from vrchain.landmarks.retrieval.template import find_goal, goal_of
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
-from vrchain.simulation.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
+from vrchain.simulation.goals import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 

@@ -5,13 +5,13 @@ a twin, or, asked for places, in free space too; all in the largest region that 
 is rejected if the shortest free way is not 40 to 120 m long, if a pixel of the goal is in view at
 the start, or a landmark in view from the place that is the goal, or if the goal cannot be pictured
 unoccluded. Every third mission, or each if so asked, is drawn until its chain needs two landmarks
-or more. Robots face anywhere.
+or more; not in a house, where such are rare, and ways shorter. Robots face anywhere.
 """
 
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
-from functools import cache
+from functools import cache, partial
 
 import numpy as np
 
@@ -20,19 +20,15 @@ from vrchain.experiments.missions.chains import PLACE, Chains, TrueChain, Views
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
-from vrchain.simulation.collision_free import Array
-from vrchain.simulation.task import (
-    GOAL_PICTURES,
-    SUCCESS_RANGE_M,
-    goal_ids,
-    goal_poses,
-    robot_names,
-)
+from vrchain.simulation.collision_free import SPACING_M, Array
+from vrchain.simulation.goals import GOAL_PICTURES, goal_ids, goal_poses
+from vrchain.simulation.task import SUCCESS_RANGE_M, robot_names
 from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
 
 WAY_M = (40.0, 120.0)
-_SMALL_SHARE = 1 / 3  # of a small world's length and width together, where that is less
+_SMALL_SHARE = 1 / 3  # of a small world's length and width together, where that is less,
+_ROOM_SHARE = 0.75  # or of the side of a square as large as the room
 _APART_M = 2.0  # robots are not nearer to each other
 _PLACES = 100  # in a suburb, where chains of so many landmarks are asked for
 _DRAWS, _DRAWS_AMONG_PLACES = 2000, 50_000
@@ -79,7 +75,11 @@ class Ground:
         self.chains = Chains(scene, truth, self.rig)
         self.free = self.chains.free
         self._places: dict[tuple[int, int, int], tuple[Array, Views]] = {}
-        self._pictured = cache(lambda target, seed: goal_poses(scene, truth, target, seed))
+        self._pictured = cache(
+            lambda target, seed, room: goal_poses(
+                scene, truth, target, seed, partial(self.free.is_in, room)
+            )
+        )
 
     def draw(
         self,
@@ -100,11 +100,12 @@ class Ground:
         places = self.places(seed, k, room) if landmarks else None
         draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
         names = robot_names(n_robots)
-        least = landmarks or (2 if number % 3 == 0 else 0)
+        least_m, confined = self._least_m(room)
+        least = landmarks or (2 if number % 3 == 0 and not confined else 0)
         rejected: Counter[str] = Counter()
         most = _DRAWS_AMONG_PLACES if places else _DRAWS
         for _ in range(most):
-            found = self._draw(draws, names, room, goals, seed, number, least, places)
+            found = self._draw(draws, names, room, goals, seed, number, least, least_m, places)
             if isinstance(found, Mission):
                 return replace(found, rejected=dict(rejected))
             rejected[found] += 1
@@ -122,6 +123,7 @@ class Ground:
         seed: int,
         number: int,
         least: int,
+        least_m: float,
         places: tuple[Array, Views] | None,
     ) -> Mission | str:
         """A mission, or why it is none; without goals to choose from, to a place."""
@@ -142,8 +144,11 @@ class Ground:
             zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
-        if not self._least_m <= way_m <= WAY_M[1]:
-            return "way too short" if way_m < self._least_m else "way too long"
+        if not least_m <= way_m <= WAY_M[1]:
+            return "way too short" if way_m < least_m else "way too long"
+        pictured = tuple(self._pictured(target, seed, room)) if target is not None else ()
+        if target is not None and len(pictured) < GOAL_PICTURES:
+            return "goal cannot be pictured"
         if target is None:
             in_view = len(views.shared(poses[0], poses[-1])) > 0
         else:
@@ -157,28 +162,27 @@ class Ground:
             return f"no chain of {least} or more"
         if target is None:
             return Mission(number, PLACE, (poses[-1],), team, way_m, chain)
-        pictured = tuple(self._pictured(target, seed))
-        if len(pictured) < GOAL_PICTURES:
-            return "goal cannot be pictured"
         return Mission(number, self.scene.objects[target].name, pictured, team, way_m, chain)
 
     def within_reach(
-        self, pose: Pose, target: int, seed: int, views: Views
+        self, pose: Pose, target: int, seed: int, room: int, views: Views
     ) -> tuple[float, tuple[Pose, ...]] | None:
         """How far a goal is, and from where it is pictured; None: no mission leads there.
 
-        views: of this scene, for several goals.
+        room: the region that the robot is in; views: of this scene, for several goals.
         """
         zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
         way_m = float(views.far_m(pose)[zone].min()) if len(zone) else np.inf
-        pictured = tuple(self._pictured(target, seed))
-        if not self._least_m <= way_m <= WAY_M[1] or views.any_of(target, pose):
+        pictured = tuple(self._pictured(target, seed, room))
+        if not self._least_m(room)[0] <= way_m <= WAY_M[1] or views.any_of(target, pose):
             return None
         return (way_m, pictured) if len(pictured) == GOAL_PICTURES else None
 
-    @property
-    def _least_m(self) -> float:
-        return min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
+    def _least_m(self, room: int) -> tuple[float, bool]:
+        """How long a way is at least, and whether it is shorter as the room is small."""
+        usual_m = min(WAY_M[0], _SMALL_SHARE * sum(self.scene.extent_m))
+        room_m = _ROOM_SHARE * SPACING_M * float((self.free.region == room).sum()) ** 0.5
+        return min(usual_m, room_m), room_m < usual_m
 
     def room(self, to_places: bool = False) -> tuple[int, list[int]]:
         """The region that missions are drawn in, and its goals. MissionError if it has none."""

@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from time import perf_counter
 
@@ -26,10 +26,10 @@ from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import MissionConfig, Published
 from vrchain.panorama import CameraRig
+from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.mission import index_of, is_at, published_of
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import goal_pictures
 from vrchain.simulation.team import assemble
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
@@ -130,10 +130,10 @@ class Suburb:
 
             bars = Barred(simulator, robot, conditions.barred, number)
             started_ns = simulator.clock_ns
+            config = replace(conditions.config, share=self._share(mission))
             result = drive_mission(
-                robot, robots[robot], published, index, goal, perception, conditions.config,
-                bars.tell,
-            )  # fmt: skip
+                robot, robots[robot], published, index, goal, perception, config, bars.tell
+            )
             sent = wire.sent(robot, len(others))
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds)
@@ -142,7 +142,14 @@ class Suburb:
 
     def _goal(self, mission: Mission) -> GoalPictures:
         poses = mission.goal_poses
-        return goal_from(goal_pictures(self.scene, self.renderer, mission.goal, poses, self.rig))
+        pictures = goal_pictures(self.scene, self.renderer, mission.goal, poses, self.rig)
+        return goal_from(pictures, share=self._share(mission))
+
+    def _share(self, mission: Mission) -> float:
+        """From which share of 6 to 15 m the goal is pictured."""
+        if mission.goal == PLACE:
+            return 1.0
+        return pictured_share(self.scene, mission.goal, mission.goal_poses)
 
     def _row(
         self,

@@ -26,8 +26,14 @@ from vrchain.navigation.perception import Look, learned_perception
 from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
+from vrchain.simulation.goals import (
+    GOAL_PICTURES,
+    goal_ids,
+    goal_pictures,
+    goal_poses,
+    pictured_share,
+)
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import GOAL_PICTURES, goal_ids, goal_pictures, goal_poses
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -184,7 +190,8 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
             continue
         pictured += 1
         name = scene.objects[goal].name
-        known = goal_from(goal_pictures(scene, renderer, name, poses, rig))
+        pictures = goal_pictures(scene, renderer, name, poses, rig)
+        known = goal_from(pictures, share=pictured_share(scene, name, poses))
         for seen in looks:
             if seen.house == goal or goal not in seen.shows:
                 sight = known.find(seen.look, 0.0, _WINDOW_RAD)

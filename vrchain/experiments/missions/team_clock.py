@@ -6,7 +6,7 @@ their range rings alone. No two have one goal. Who has arrived, or gives up, sta
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from itertools import combinations
 from pathlib import Path
@@ -31,10 +31,11 @@ from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 from vrchain.simulation.collision_free import Array
+from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.mission import index_of, is_at, published_of
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.task import goal_pictures, robot_names
+from vrchain.simulation.task import robot_names
 from vrchain.simulation.team import assemble, team_ledger
 from vrchain.simulation.together import Together
 from vrchain.world.model import ROBOT_RADIUS_M
@@ -69,7 +70,7 @@ def draw(ground: Ground, seed: int, k: int, number: int, n_robots: int) -> dict[
         left, errands = list(draws.permutation(goals)), dict[str, Errand]()
         for name, pose in zip(names, poses, strict=True):
             for target in map(int, left):
-                if found := ground.within_reach(pose, target, seed, views):
+                if found := ground.within_reach(pose, target, seed, room, views):
                     way_m, pictured = found
                     goal = ground.scene.objects[target].name
                     errands[name] = Errand(pose, goal, pictured, way_m)
@@ -130,9 +131,9 @@ def _run(
         def drive(name: str) -> tuple[MissionResult, int]:
             e, known = errands[name], published_of(ledger, name, REMEMBERED)
             pictures = goal_pictures(scene, simulator.renderer, e.goal, e.goal_poses, rig)
-            result = drive_mission(
-                name, robots[name], known, index, goal_from(pictures), perception, config
-            )
+            share = pictured_share(scene, e.goal, e.goal_poses)
+            shown, own = goal_from(pictures, share=share), replace(config, share=share)
+            result = drive_mission(name, robots[name], known, index, shown, perception, own)
             return result, simulator.clock_ns
 
         found = together.run({name: partial(drive, name) for name in robots})

@@ -189,7 +189,7 @@ class Arrival(Candidates):
         missed = sight is None or sight.chance < _DOUBT_CHANCE
         if sight is None or missed or place.astray(sight.place(pilot.here)) > _ASTRAY:
             shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
-            if not SHAPE_M < shown_m < NEAR_M:
+            if not pilot.config.share * SHAPE_M < shown_m < NEAR_M:
                 return candidate  # from so far, or so near to what hides it, it may not be seen
             left = at_odds(candidate.chance, _AGAIN)
             return replace(candidate, chance=left, against=candidate.against + 1)
@@ -203,7 +203,7 @@ class Arrival(Candidates):
         for turn in range(1, n + 1):
             angle = first + turn * np.pi / 3
             outward = np.array([np.cos(angle), np.sin(angle)])
-            stand_xy_m = middle + (half_m + _AROUND_M) * outward
+            stand_xy_m = middle + (half_m + pilot.config.share * _AROUND_M) * outward
             until_ns = pilot.now.time_ns + int(_SIDE_S * 1e9)
             while pilot.now.time_ns < until_ns and pilot.here.distance_to_m(stand_xy_m) > 1.5:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
@@ -213,7 +213,8 @@ class Arrival(Candidates):
     def _middle(self, candidate: Candidate) -> tuple[Array, float]:
         """Where its middle is, about, (2,), and how far from its sides."""
         away = candidate.place.xy_m - self.pilot.here.xy_m
-        half_m = max(_HALF_M, candidate.width_m / 2)
+        config = self.pilot.config
+        half_m = max(config.share * _HALF_M, candidate.width_m(config) / 2)
         return candidate.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1), half_m
 
     def _is_at(self, place: Estimate, reach_m: float) -> bool:
@@ -234,7 +235,8 @@ class Arrival(Candidates):
         bearing = place.bearing_rad(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
-        if ahead_m + _THIN_M < front_m < REACH_M and candidate.width_m >= _WIDE_M:
+        wide = candidate.width_m(pilot.config) >= _WIDE_M
+        if wide and ahead_m + _THIN_M < front_m < REACH_M:
             self.log("round", "something narrow stands before it")
             there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):

@@ -67,11 +67,12 @@ class Candidate:
         Such a house shows as much as a plain goal in a sight now and then, a goal in most.
         """
         sights = [sight for _, sight in self.sights if sight.chance >= config.sure_chance]
-        shapes = [sight for sight in sights if sight.surface_m >= SHAPE_M]
+        shape_m = config.share * SHAPE_M
+        shapes = [sight for sight in sights if sight.surface_m >= shape_m]
         many = any(sight.n_matches - BY_CHANCE >= config.sure_matches for sight in sights)
         if many and any(sight.looks >= config.sure_looks for sight in shapes):
             return True
-        n_seen = sum(sight.surface_m >= SHAPE_M for _, sight in self.sights)
+        n_seen = sum(sight.surface_m >= shape_m for _, sight in self.sights)
         surest = any(_is_surest(sight, config) for sight in shapes)
         return surest and len(shapes) >= max(_AGREE, n_seen / 2)
 
@@ -80,13 +81,12 @@ class Candidate:
         """The chance of its surest sight, none if it was not seen."""
         return max((sight.chance for _, sight in self.sights), default=0.0)
 
-    @property
-    def width_m(self) -> float:
+    def width_m(self, config: MissionConfig) -> float:
         """How wide it looks from where its shape is seen, none if it was not."""
         widths = [
             2 * np.tan(min(sight.half_width_rad, 1.0)) * sight.surface_m
             for _, sight in self.sights
-            if sight.surface_m >= SHAPE_M
+            if sight.surface_m >= config.share * SHAPE_M
         ]
         return float(np.median(widths)) if widths else 0.0
 
@@ -147,7 +147,7 @@ class Candidates:
         chance: of a sight of it; one that is far surer than all before makes it worth another try.
         """
         return any(
-            _is_near(xy_m, place) and chance <= at_odds(before, _SURER)
+            self._is_near(xy_m, place) and chance <= at_odds(before, _SURER)
             for xy_m, before in self._mistaken
         )
 
@@ -173,7 +173,12 @@ class Candidates:
             self._blocked.append(candidate.place.xy_m)
 
     def _was_blocked(self, place: Estimate) -> bool:
-        return any(_is_near(xy_m, place) for xy_m in self._blocked)
+        return any(self._is_near(xy_m, place) for xy_m in self._blocked)
+
+    def _is_near(self, known_xy_m: Array, place: Estimate) -> bool:
+        """Whether a place is one that is known, about."""
+        within_m = self.pilot.config.share * _MISTAKEN_M
+        return bool(np.hypot(*(place.xy_m - known_xy_m)) < within_m)
 
     def _is_fair(self, sight: GoalSight) -> bool:
         """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
@@ -213,8 +218,3 @@ def at_odds(chance: float, times: float) -> float:
     """A chance, at so many times its odds."""
     odds = times * chance  # against 1 - chance
     return odds / (odds + 1 - chance)
-
-
-def _is_near(known_xy_m: Array, place: Estimate) -> bool:
-    """Whether a place is one that is known, about."""
-    return bool(np.hypot(*(place.xy_m - known_xy_m)) < _MISTAKEN_M)

@@ -23,9 +23,7 @@ from vrchain.world.model import SceneObject, Surface, size_of
 MOST_TRIANGLES = 6_000_000  # of a world
 MODEL_SIZE_M = (1e-3, 2000.0)
 _SHEET_M = 1000.0  # to which other planes are cut: no view shows more
-_RUN_M = 8.0  # a longer fence, wall or hedge is no landmark
 _NO_LANDMARK = ("ground", "robot", "person")
-_RUNS = ("fence", "wall", "hedge")
 _LEAST_LANDMARK_M = 0.25  # lower things do not stand
 _TILE_EPSILON = 1e-4
 _ROAD = Look(PICTURED["Road"])
@@ -122,16 +120,10 @@ class Designs:
         if parts and kind == "object":
             kind = kinds.guess(model.name, size_m, leafy)
         design = self._name(model, surfaces, ground)
-        landmark = self._is_landmark(model, kind, size_m)
+        landmark = kind not in _NO_LANDMARK and size_m[2] >= _LEAST_LANDMARK_M
         thing = SceneObject(model.name, kind, design, landmark, kind != "ground", size_m, surfaces)
         wide = all(is_wide(visual) for visual in visuals)
         return Design(thing, tuple(ground), pieces, wide)
-
-    def _is_landmark(self, model: Model, kind: str, size_m: tuple[float, float, float]) -> bool:
-        if kind in _RUNS and max(size_m[:2]) > _RUN_M:
-            self._notes.add(f"runs longer than {_RUN_M:g} m, which are no landmarks", model.name)
-            return False
-        return kind not in _NO_LANDMARK and size_m[2] >= _LEAST_LANDMARK_M
 
     def _name(self, model: Model, surfaces: Sequence[Surface], ground: Sequence[Ground]) -> str:
         content = hashlib.sha256(b"".join(s.digest for s in surfaces))

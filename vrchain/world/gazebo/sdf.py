@@ -32,6 +32,7 @@ _UNSUPPORTED = {
     "experimental:params": "parameters of includes",
 }  # fmt: skip
 _AMBIENT = 0.4  # the specification's
+_LAMPS, _LAMPLIT = 0.5, 0.8  # of a lamp's light what faces get, whichever way they look; at most
 _Light = tuple[Element, Element | None]  # a <light>, and the <pose> it has
 
 
@@ -89,7 +90,7 @@ class _Reader:
             scope.attributes.get("name", path.stem),
             tuple(_as_saved(models, scope, self._notes)),
             sun,
-            _ambient(scope.find("scene/ambient"), 0.0 if sun is not None else _AMBIENT),
+            _ambient(scope.find("scene/ambient"), lights, sun is not None),
             scope.find("vrchain:scene"),
         )
 
@@ -234,11 +235,22 @@ class _Reader:
         return sun
 
 
-def _ambient(given: Element | None, default: float) -> float:
-    """The mean of a colour of three or four numbers."""
-    if given is None or not given.text:
-        return default
-    rgb = given.numbers(min(max(len(given.text.split()), 3), 4))[:3]
+def _ambient(given: Element | None, lights: Iterable[_Light], sunny: bool) -> float:
+    """The brightness of what no light falls on; without a sun lamps light it, about."""
+    said = given is not None and given.text
+    ambient = _brightness(given) if said else 0.0 if sunny else _AMBIENT
+    lamps = [light for light, _ in lights if light.attributes.get("type") in ("point", "spot")]
+    if sunny or not lamps:
+        return ambient
+    shine = sum(_brightness(lamp.find("diffuse")) for lamp in lamps)
+    return max(ambient, min(ambient + _LAMPS * shine, _LAMPLIT))
+
+
+def _brightness(colour: Element | None) -> float:
+    """The mean of a colour of three or four numbers; white if there is none."""
+    if colour is None or not colour.text:
+        return 1.0
+    rgb = colour.numbers(min(max(len(colour.text.split()), 3), 4))[:3]
     return float(np.clip(rgb, 0, 1).mean())
 
 

@@ -22,6 +22,7 @@ from vrchain.world.gazebo.obstacles import Outlines
 from vrchain.world.gazebo.sdf import MOST_MODELS, World, read_world
 from vrchain.world.gazebo.xml import Element
 from vrchain.world.model import LightMap, Scene, SceneObject, Surface
+from vrchain.world.runs import is_long, runs_of
 from vrchain.world.spec import LightSpec, parse_spec
 
 SUFFIXES = (".world", ".sdf")
@@ -47,6 +48,12 @@ class _Thing(NamedTuple):
         surfaces = tuple(_moved(s, matrix) for s in thing.surfaces)
         outline = outlines.of(pieces, matrix) if thing.solid and pieces else None
         return replace(thing, name=self.name, surfaces=surfaces, outline=outline)
+
+    def runs(self, placed: SceneObject) -> list[SceneObject]:
+        """What it is in the world: one object, or the runs of a long wall."""
+        if not is_long(self.design.prototype):
+            return [placed]
+        return runs_of(placed, self.design.prototype.surfaces, self.placed.matrix)
 
     @property
     def is_far(self) -> bool:
@@ -144,6 +151,7 @@ def _scene(
     outlines = Outlines()
     objects = [thing.object(outlines) for thing in shown]
     bounds = [o.bounds_m[:, :2] for o, t in zip(objects, shown, strict=True) if not t.design.wide]
+    objects = [run for o, thing in zip(objects, shown, strict=True) for run in thing.runs(o)]
     boxes = bounds or [
         matrix[:2, 3] + np.outer((-0.5, 0.5), np.minimum(size_m, MAP_M))
         for _, _, matrix, size_m in pieces
