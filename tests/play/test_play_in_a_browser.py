@@ -10,7 +10,6 @@ from pathlib import Path
 import nbformat
 import pytest
 from browser import CHROMIUM, opened, until
-from claims import claim, pair  # noqa: F401  (what the cells import is there)
 from worlds import ROOT
 
 pytest.importorskip("jupyterlab")
@@ -65,8 +64,6 @@ def lab(tmp_path: Path) -> Iterator[str]:
     command = [
         sys.executable, "-m", "jupyterlab", "--no-browser", "--allow-root", "--port=0",
         "--expose-app-in-browser", f"--IdentityProvider.token={TOKEN}", f"--notebook-dir={home}",
-        "--LabApp.news_url=None", "--LabApp.check_for_updates_class="
-        "jupyterlab.handlers.announcements.NeverCheckForUpdate",
     ]  # fmt: skip
     with (tmp_path / "lab.log").open("w") as log:
         server = subprocess.Popen(command, env=environment, stdout=log, stderr=log)

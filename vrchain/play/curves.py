@@ -41,6 +41,7 @@ def threshold(results: Results | None = None, variant: str = "cnn+sift") -> Play
             xlabel="recall: share of the landmarks that both see which is found",
             ylabel="precision: share of the claims that is right",
         )  # fmt: skip
+        axes.set_title(f"{variant} at the threshold {threshold:.2f}", fontsize=10)
         axes.grid(alpha=0.3)
         used = ", ".join(f"{v:.2f}" for v in own[own.in_use].threshold.unique()[:1])
         says = (

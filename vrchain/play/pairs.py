@@ -12,7 +12,7 @@ from vrchain.play.driving import SMALL
 from vrchain.play.ground import draw_map
 from vrchain.plots.maps import draw_robot, zoom_to
 from vrchain.plots.pictures import region_box, show_panorama
-from vrchain.plots.style import GREEN, RED, panels, robot_colour
+from vrchain.plots.style import GREEN, RED, WHITE_BOX, panels, robot_colour
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
@@ -85,6 +85,11 @@ def _draw_lines(axes: Axes, scene: Scene, poses: tuple[Pose, Pose], found: dict[
                 *np.array([pose.xy_m, middle]).T, color=GREEN if is_found else RED, zorder=5,
                 lw=1.8 if is_found else 0.9, ls="-" if is_found else "--",
             )  # fmt: skip
+    for (name, is_found), middle in zip(found.items(), middles, strict=True):
+        axes.text(
+            float(middle[0]), float(middle[1]), name, ha="center", va="center", fontsize=8, bbox=WHITE_BOX, zorder=6,
+            color=GREEN if is_found else RED, clip_on=True,
+        )  # fmt: skip
     for number, pose in enumerate(poses):
         draw_robot(axes, f"R{number + 1}", pose, robot_colour(number))
     zoom_to(axes, np.array([*(p.xy_m for p in poses), *middles]), margin_m=4.0)
