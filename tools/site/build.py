@@ -20,7 +20,7 @@ ROOT = Path(__file__).resolve().parents[2]
 HERE, BUILD = Path(__file__).parent, ROOT / "build"
 SOURCE, SITE = BUILD / "site-source", BUILD / "site"
 NEEDS = "mkdocs-material>=9.6,<10"  # MIT; with mkdocs, BSD
-PAGES = {"README.md": "about.md", "docs/README.md": "docs/index.md"}
+PAGES = {"README.md": "about.md"}  # for the first page is the gallery
 NO_PAGES = (".venv", "build", "tests", "shared", "node_modules")
 _LINK = re.compile(r"(\]\(|<a href=\"|<img src=\")([^)\s\"#]+)(#[^)\s\"]*)?([)\"])")
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`)", re.MULTILINE | re.DOTALL)

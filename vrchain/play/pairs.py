@@ -87,8 +87,8 @@ def _draw_lines(axes: Axes, scene: Scene, poses: tuple[Pose, Pose], found: dict[
             )  # fmt: skip
     for (name, is_found), middle in zip(found.items(), middles, strict=True):
         axes.text(
-            float(middle[0]), float(middle[1]), name, ha="center", va="center", fontsize=8, bbox=WHITE_BOX, zorder=6,
-            color=GREEN if is_found else RED, clip_on=True,
+            float(middle[0]), float(middle[1]), name, ha="center", va="center", fontsize=8,
+            color=GREEN if is_found else RED, bbox=WHITE_BOX, zorder=6, clip_on=True,
         )  # fmt: skip
     for number, pose in enumerate(poses):
         draw_robot(axes, f"R{number + 1}", pose, robot_colour(number))
