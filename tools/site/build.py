@@ -89,7 +89,8 @@ def write(page: str, text: str) -> None:
 
     def led(link: re.Match[str]) -> str:
         opens, target, anchor, closes = link[1], link[2], link[3] or "", link[4]
-        if "://" in target or target.startswith(("data:", "mailto:")):
+        made = (SOURCE / here.parent / target).is_file()  # as nbconvert's pictures
+        if made or "://" in target or target.startswith(("data:", "mailto:")):
             return link[0]
         there = (ROOT / page).parent / target
         place = place_of(there.resolve())
