@@ -14,7 +14,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup reproduce test test-all test-processors lab lint format lock clean profile
+.PHONY: help setup reproduce test test-all test-processors lab site lint format lock clean profile
 
 help:
 	@echo "make reproduce        the paper's evaluation, figures and notebooks (PROFILE=quick or paper)"
@@ -22,6 +22,7 @@ help:
 	@echo "make test-all         lint, types and every test at full counts"
 	@echo "make test-processors  the tests that rest on recognition, as other processors would"
 	@echo "make lab              open the notebooks in JupyterLab"
+	@echo "make site             documents, notebooks and figures as one static site, in build/site"
 	@echo "make lint             check style and types"
 	@echo "make format           mend style"
 	@echo "make setup            only make .venv and check the system libraries"
@@ -56,6 +57,11 @@ test-processors: setup
 # tools/jupyter: no dialog that asks for a build, for which nothing here has need.
 lab: setup
 	JUPYTER_CONFIG_PATH="$(CURDIR)/tools/jupyter$${JUPYTER_CONFIG_PATH:+:$$JUPYTER_CONFIG_PATH}" $(BIN)/jupyter lab notebooks
+
+# Of what `make reproduce` has made. SITE_PYTHON: one with mkdocs-material and nbconvert.
+SITE_PYTHON ?= $(BIN)/python
+site: profile setup
+	$(SITE_PYTHON) tools/site/build.py $(PROFILE)
 
 format: setup
 	$(BIN)/ruff check --fix .

@@ -24,7 +24,11 @@ def strangers(tree: ast.Module) -> list[str]:
     found = [name for name in found if name.startswith("vrchain.")]
     for node in ast.walk(tree):
         if isinstance(node, ast.Attribute):
-            known = {"vr": vr.__all__, "vr.plots": vr.plots.__all__}.get(ast.unparse(node.value))
+            known = {
+                "vr": vr.__all__,
+                "vr.play": vr.play.__all__,
+                "vr.plots": vr.plots.__all__,
+            }.get(ast.unparse(node.value))
             if known is not None and node.attr not in known:
                 found.append(ast.unparse(node))
     return found

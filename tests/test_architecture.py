@@ -36,6 +36,7 @@ LEVELS = {
     "plots": 7,
     "ros": 7,
     "viewer": 8,
+    "play": 8,
     "cli": 8,
     "workbench": 8,
 }
@@ -62,6 +63,7 @@ MAY_IMPORT = {
         "landmarks.training",
         "landmarks.quality",
         "experiments",
+        "play",
         "workbench",
     ),
 }

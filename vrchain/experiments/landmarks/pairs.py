@@ -105,7 +105,13 @@ def draw_poses(scene: Scene, n: int, draws: np.random.Generator) -> list[Pose]:
 def draw_pairs(
     scene: Scene, n_pairs: int, spacing_m: tuple[float, float], seed: int
 ) -> Iterator[tuple[Pose, Pose]]:
-    """Pairs of free poses: places uniform, spacing uniform in the band, headings independent."""
+    """Pairs of free poses: places uniform, spacing uniform in the band, headings independent.
+
+    MissionError for a band that is none, or where the scene has too few free places so far apart.
+    """
+    low_m, high_m = spacing_m
+    if not 0 <= low_m <= high_m:
+        raise MissionError(f"expected spacings from low to high, in metres, got {spacing_m}")
     draws = generator(seed, "pairs")
     half = np.array(scene.extent_m) / 2
     made = 0

@@ -3,9 +3,10 @@
 import shutil
 import sqlite3
 import tempfile
+from collections import Counter
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pandas as pd
@@ -62,6 +63,70 @@ def change_record(folder: Path, height: int) -> None:
         first = "WHERE height = ? AND position = 0"
         (record,) = db.execute(f"SELECT record FROM records {first}", (height,)).fetchone()
         db.execute(f"UPDATE records SET record = ? {first}", (_changed(record), height))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Bytes that a ledger keeps: those of a block, or of a record or a blob that it brought."""
+
+    height: int
+    data: bytes
+    position: int | None = None
+    blob: bytes | None = None
+
+
+def stored(folder: Path) -> dict[str, Part]:
+    """All that a good ledger keeps, by name: block 2, block 2: transaction, block 2: panorama.
+
+    Of several alike in a block the later ones are numbered. NotALedgerError.
+    """
+    with Ledger.open(folder) as ledger:
+        entries = list(ledger.entries())
+    with closing(_database(folder)) as db:
+        blocks = dict(db.execute("SELECT height, record FROM blocks"))
+        query = "SELECT height, position, record FROM records"
+        records = {(h, p): data for h, p, data in db.execute(query)}
+    found = {}
+    for block, brought in entries:
+        parts = [("", Part(block.height, blocks[block.height]))]
+        for position, record in enumerate(brought):
+            data = records[block.height, position]
+            parts.append((type(record).__name__.lower(), Part(block.height, data, position)))
+            blobs = record.blobs if isinstance(record, Transaction) else ()
+            for word, blob in zip(("panorama", "landmarks"), blobs, strict=False):
+                path = folder / BLOBS_NAME / blob.hex()
+                if path.is_file():
+                    parts.append((word, Part(block.height, path.read_bytes(), blob=blob)))
+        count = Counter[str]()
+        for word, part in parts:
+            count[word] += 1
+            again = f" {count[word]}" if count[word] > 1 else ""
+            found[f"block {block.height}" + (f": {word}{again}" if word else "")] = part
+    return found
+
+
+def change_byte(folder: Path, name: str, at: int, bit: int = 0) -> None:
+    """Turn over a bit, 0 to 7, of the byte ``at`` of one of ``stored``. NotFoundError."""
+    parts = stored(folder)
+    if name not in parts:
+        raise NotFoundError(f"expected a part of {', '.join(parts)}, got {name!r}")
+    part = parts[name]
+    changed = bytearray(part.data)
+    if not 0 <= at < len(changed) or not 0 <= bit < 8:
+        raise NotFoundError(
+            f"expected of {name} a byte of 0 to {len(changed) - 1} and a bit of 0 to 7, "
+            f"got {at} and {bit}"
+        )
+    changed[at] ^= 1 << bit
+    if part.blob is not None:
+        _blob(folder, part.blob).write_bytes(changed)
+        return
+    with closing(_database(folder)) as db:
+        if part.position is None:
+            db.execute("UPDATE blocks SET record = ? WHERE height = ?", (changed, part.height))
+        else:
+            row = changed, part.height, part.position
+            db.execute("UPDATE records SET record = ? WHERE height = ? AND position = ?", row)
 
 
 def cut_tail(folder: Path, height: int) -> None:
