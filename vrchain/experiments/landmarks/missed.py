@@ -8,7 +8,15 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.matching.calibration import load_calibration
 from vrchain.landmarks.matching.common import Comparison
-from vrchain.landmarks.matching.joint import JointConfig, Judged, compare_joint, judged, settled
+from vrchain.landmarks.matching.joint import (
+    JointConfig,
+    Judged,
+    compare_joint,
+    judged,
+    matched,
+    settled,
+)
+from vrchain.landmarks.matching.levelling import levelled
 from vrchain.landmarks.quality import co_visible, judge
 from vrchain.world.truth import GroundTruth
 
@@ -23,7 +31,7 @@ def found_and_missed(
 
     Columns: landmark, found, why (the score of the right claim, or where the landmark was lost).
     """
-    found, verdicts = compare_joint(a, b), []
+    found = compare_joint(a, b)
     both = co_visible(truth, *poses, a.rig)
     verdicts = judge(found, truth, poses, (a.features, b.features), a.rig)
     right: dict[str, float] = {}
@@ -55,12 +63,14 @@ class _Lost:
         self._names = [o.name for o in truth.scene.objects]
         self._ids = [_shown_by(r, truth, p) for r, p in zip((a, b), poses, strict=True)]
         self._alike = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
-        options = judged(a, b, self._config, calibration)
+        matches = matched(a, b, self._config)
+        level = levelled(a, b, matches)
+        options = judged(level, matches, self._config, calibration)
         self._best: Judged | None = options[0] if options else None
         self._score = np.empty(0)
         if self._best is not None:
             worth = calibration.of(self._config.name)
-            self._score = settled(a, b, self._best, worth)
+            self._score = settled(*level, self._best, worth)
 
     def why(self, number: int) -> str:
         """Where a landmark was lost, by its object id."""
