@@ -1,5 +1,7 @@
 """A mission replayed by a slider: the map, the look, the decision, and what was believed then."""
 
+from textwrap import shorten
+
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,6 +13,7 @@ from vrchain.plots.style import BLUE, RED, robot_colour
 from vrchain.simulation.mission import MissionRun
 
 _LINES = 4  # of the log before the decision
+_WIDTH = 80  # characters of a reason
 
 
 def replay(run: MissionRun) -> Play:
@@ -37,6 +40,7 @@ def replay(run: MissionRun) -> Play:
         above.set_xlabel("")
         _way(figure.add_subplot(grid[2, 0]), run, now.time_s)
         _belief(figure.add_subplot(grid[2, 1]), plan[1] if plan else None)
+        figure.suptitle(f"{now.what}: {shorten(now.why, _WIDTH)}", fontsize=11)
         says = (
             f"After {now.time_s - decisions[0].time_s:.0f} s, decision {number + 1} of "
             f"{len(decisions)}: **{now.what}** - {now.why}."
