@@ -89,9 +89,10 @@ def _belief(axes: Axes, route: Route | None) -> None:
         what = "by odometry" if leg.by_odometry else f"L{k}{k + 1}: one landmark"
         beliefs.append((f"{what}\n{leg.seen_by} and {leg.next_by} see", leg.chance))
     beliefs.append((f"{route.seen_by} sees the goal", route.sighting.chance))
-    beliefs.append(("the whole plan", route.trust))
+    beliefs.append(("it gets past all of them", route.score))
+    beliefs.append(("this leads to the goal at all", route.trust))
     names, chances = zip(*beliefs, strict=True)
-    axes.barh(range(len(names)), chances, color=[BLUE] * (len(names) - 1) + [RED])
+    axes.barh(range(len(names)), chances, height=0.4, color=[BLUE] * (len(names) - 2) + [RED] * 2)
     for k, (name, chance) in enumerate(beliefs):
-        axes.text(0.02, k - 0.42, f"{name}: {chance:.2f}", va="bottom", fontsize=9)
+        axes.text(0.02, k - 0.24, f"{name}: {chance:.2f}", va="bottom", fontsize=9)
     axes.set(xlim=(0, 1), yticks=[], xlabel="chance that it is so", ylim=(len(names), -1.0))
