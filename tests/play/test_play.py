@@ -117,7 +117,9 @@ def test_a_mission_is_replayed_decision_by_decision() -> None:
     assert "After 20 s, decision 4 of 4: **arrived**" in last.says
     assert last.table is not None and list(last.table.decision)[-1] == "arrived"
     believed = " ".join(words(last.figure))
-    assert "R2 sees the goal: 0.90" in believed and "the whole plan: 1.00" in believed
+    assert (
+        "R2 sees the goal: 0.90" in believed and "this leads to the goal at all: 1.00" in believed
+    )
     with pytest.raises(PlayError, match="expected decision from 0 to 3, got 4"):
         play.at(decision=4)
 

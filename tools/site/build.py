@@ -25,6 +25,7 @@ NO_PAGES = (".venv", "build", "tests", "shared", "node_modules")
 _LINK = re.compile(r"(\]\(|<a href=\"|<img src=\")([^)\s\"#]+)(#[^)\s\"]*)?([)\"])")
 _CODE = re.compile(r"(^```.*?^```$|`[^`\n]*`)", re.MULTILINE | re.DOTALL)
 _DATA = re.compile(r'src="data:image/(\w+);base64,([^"]+)"')
+_CONTROLS = re.compile(r"^ {4}VBox\(.*$", re.MULTILINE)
 _FRAME = re.compile(r"<iframe srcdoc.*?</iframe>", re.DOTALL)
 _ROW = re.compile(r"^\| (\w+) \| (.*?) \| \[", re.MULTILINE)  # of docs/results/figures.md
 
@@ -127,6 +128,7 @@ def write_notebooks(results: Path) -> list[str]:
         subprocess.run(command, check=True)
         page = into / f"{stored.stem}.md"
         text = _FRAME.sub("*(A scene to walk around in: `make lab`.)*", page.read_text("utf-8"))
+        text = _CONTROLS.sub("*(Here are controls when it runs: `make lab`.)*", text)
         text = text.replace("<details>", '<details markdown="1">')
         text = _DATA.sub(lambda found: f'src="{extracted(found, into)}"', text)
         write(f"notebooks/{stored.stem}.md", text)

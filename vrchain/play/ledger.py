@@ -31,6 +31,7 @@ def tamper(folder: str | Path) -> Play:
         hexes.set_axis_off()
         if touched is None:
             says = "Nobody touches anything. Choose what to change."
+            hexes.text(0.5, 0.5, "here its bytes are shown", ha="center", color=GREY)
             return Shown(says, figure, who_notices(home, lambda copy: None), {"byte": 0})
         byte = min(int(byte), len(touched.data) - 1)  # of the part chosen before
         table = who_notices(home, partial(change_byte, name=part, at=byte, bit=bit))

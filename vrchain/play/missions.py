@@ -1,5 +1,7 @@
 """A mission replayed by a slider: the map, the look, the decision, and what was believed then."""
 
+from textwrap import shorten
+
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,6 +13,7 @@ from vrchain.plots.style import BLUE, RED, robot_colour
 from vrchain.simulation.mission import MissionRun
 
 _LINES = 4  # of the log before the decision
+_WIDTH = 80  # characters of a reason
 
 
 def replay(run: MissionRun) -> Play:
@@ -37,6 +40,7 @@ def replay(run: MissionRun) -> Play:
         above.set_xlabel("")
         _way(figure.add_subplot(grid[2, 0]), run, now.time_s)
         _belief(figure.add_subplot(grid[2, 1]), plan[1] if plan else None)
+        figure.suptitle(f"{now.what}: {shorten(now.why, _WIDTH)}", fontsize=11)
         says = (
             f"After {now.time_s - decisions[0].time_s:.0f} s, decision {number + 1} of "
             f"{len(decisions)}: **{now.what}** - {now.why}."
@@ -85,9 +89,10 @@ def _belief(axes: Axes, route: Route | None) -> None:
         what = "by odometry" if leg.by_odometry else f"L{k}{k + 1}: one landmark"
         beliefs.append((f"{what}\n{leg.seen_by} and {leg.next_by} see", leg.chance))
     beliefs.append((f"{route.seen_by} sees the goal", route.sighting.chance))
-    beliefs.append(("the whole plan", route.trust))
+    beliefs.append(("it gets past all of them", route.score))
+    beliefs.append(("this leads to the goal at all", route.trust))
     names, chances = zip(*beliefs, strict=True)
-    axes.barh(range(len(names)), chances, color=[BLUE] * (len(names) - 1) + [RED])
+    axes.barh(range(len(names)), chances, height=0.4, color=[BLUE] * (len(names) - 2) + [RED] * 2)
     for k, (name, chance) in enumerate(beliefs):
-        axes.text(0.02, k - 0.42, f"{name}: {chance:.2f}", va="bottom", fontsize=9)
+        axes.text(0.02, k - 0.24, f"{name}: {chance:.2f}", va="bottom", fontsize=9)
     axes.set(xlim=(0, 1), yticks=[], xlabel="chance that it is so", ylim=(len(names), -1.0))

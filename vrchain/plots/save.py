@@ -4,6 +4,7 @@ import io
 from pathlib import Path
 
 import pandas as pd
+from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vrchain.files import write_file
@@ -35,5 +36,6 @@ def save_figure(figure: Figure, table: pd.DataFrame, path_without_ending: Path) 
 def _render(figure: Figure, kind: str) -> bytes:
     buffer = io.BytesIO()
     dated = {"CreationDate": None} if kind == "pdf" else {"Software": None}
-    figure.savefig(buffer, format=kind, dpi=_DPI, metadata=dated)
+    with rc_context({"pdf.fonttype": 42}):  # text that can be found, copied and edited
+        figure.savefig(buffer, format=kind, dpi=_DPI, metadata=dated)
     return buffer.getvalue()
