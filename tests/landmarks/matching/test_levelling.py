@@ -53,7 +53,7 @@ def test_upright_cameras_stay_as_they_are() -> None:
     a, b = records(0)
     matches = matches_of(a, b, True, True)
     assert tilts(a, b, matches) is None
-    assert levelled(a, b, matches) == (a, b)
+    assert levelled(a, b, tilts(a, b, matches)) == (a, b)
 
 
 def test_what_tilted_cameras_see_is_claimed_as_if_they_were_upright() -> None:
@@ -71,7 +71,7 @@ def test_what_tilted_cameras_see_is_claimed_as_if_they_were_upright() -> None:
 def test_levelled_records_are_those_of_upright_cameras() -> None:
     a, b = records(TILT_DEG)
     matches = matches_of(a, b, True, True)
-    level, other = levelled(a, b, matches)
+    level, other = levelled(a, b, tilts(a, b, matches))
     assert tilts(level, other, matches) is None
     kept = owners(level.rig, level.proposals, level.features)
     assert (kept == owners(a.rig, a.proposals, a.features)).mean() > 0.9
@@ -90,4 +90,4 @@ def test_too_few_matches_tell_of_no_tilt() -> None:
     a, b = records(TILT_DEG)
     for bare in (replace(a, features=NO_FEATURES), replace(a, features=a.features.take([0, 1]))):
         matches = matches_of(bare, b, True, True)
-        assert levelled(bare, b, matches) == (bare, b)
+        assert levelled(bare, b, tilts(bare, b, matches)) == (bare, b)

@@ -16,7 +16,7 @@ from vrchain.landmarks.matching.joint import (
     matched,
     settled,
 )
-from vrchain.landmarks.matching.levelling import levelled
+from vrchain.landmarks.matching.levelling import levelled, tilts
 from vrchain.landmarks.quality import co_visible, judge
 from vrchain.world.truth import GroundTruth
 
@@ -64,7 +64,7 @@ class _Lost:
         self._ids = [_shown_by(r, truth, p) for r, p in zip((a, b), poses, strict=True)]
         self._alike = calibration.appearance(a.proposals.embedding @ b.proposals.embedding.T)
         matches = matched(a, b, self._config)
-        level = levelled(a, b, matches)
+        level = levelled(a, b, tilts(a, b, matches))
         options = judged(level, matches, self._config, calibration)
         self._best: Judged | None = options[0] if options else None
         self._score = np.empty(0)

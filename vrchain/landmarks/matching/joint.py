@@ -44,7 +44,7 @@ from vrchain.landmarks.matching.guided import (
     keypoints_within,
     spots_within,
 )
-from vrchain.landmarks.matching.levelling import levelled
+from vrchain.landmarks.matching.levelling import levelled, tilts
 from vrchain.landmarks.matching.poses import (
     NO_RIVAL_RAD,
     Matches,
@@ -122,7 +122,7 @@ def compare_joint(
     config = config or JointConfig()
     calibration = calibration or load_calibration()
     matches = matched(a, b, config)
-    level = levelled(a, b, matches)
+    level = levelled(a, b, tilts(a, b, matches))
     options = judged(level, matches, config, calibration)
     if not options:
         return Comparison((), None)

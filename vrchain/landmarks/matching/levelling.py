@@ -54,10 +54,9 @@ def tilts(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> tuple[Array
 
 
 def levelled(
-    a: LandmarkRecord, b: LandmarkRecord, matches: Matches
+    a: LandmarkRecord, b: LandmarkRecord, found: tuple[Array, Array] | None
 ) -> tuple[LandmarkRecord, LandmarkRecord]:
-    """Both records as upright cameras would have made them; as they are if they seem to be."""
-    found = tilts(a, b, matches)
+    """Both records as upright cameras would have made them, by the ``tilts`` found, if any."""
     return (a, b) if found is None else (_level(a, found[0]), _level(b, found[1]))
 
 

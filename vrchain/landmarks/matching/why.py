@@ -66,10 +66,11 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
         f"{len(matches.keypoints[0])} of {len(a.features)} and {len(b.features)} keypoints, "
         f"{len(matches.spots[0])} of {len(a.spots)} and {len(b.spots)} spots within proposals",
     )
-    if (tilted := tilts(a, b, matches)) is not None:
+    tilted = tilts(a, b, matches)
+    if tilted is not None:
         told = " and ".join(f"{np.degrees(np.hypot(*tilt)):.1f}" for tilt in tilted)
         yield "tilt", f"{told} degrees at least, by the matches; both are levelled"
-    level = levelled(a, b, matches)
+    level = levelled(a, b, tilted)
     options = judged(level, matches, config, calibration)
     for option in options:
         yield "relative pose", _pose_told(option)
