@@ -345,7 +345,7 @@ def full_disk(tmp_path: Path) -> Iterator[Path]:
     """A disk with room for little."""
     disk = tmp_path / "disk"
     disk.mkdir()
-    mount = ["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", str(disk)]
+    mount = ["mount", "-t", "tmpfs", "-o", "size=48k", "tmpfs", str(disk)]
     if os.geteuid() != 0 or not shutil.which("mount"):
         pytest.skip("only root can mount a small disk to fill")
     if subprocess.run(mount, capture_output=True, check=False).returncode != 0:
