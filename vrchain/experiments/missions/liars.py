@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from vrchain.errors import MissionError
-from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
+from vrchain.geometry import Pose, placed, relative
 from vrchain.panorama import Panorama
 from vrchain.publisher import Told
 from vrchain.robot import Observation
@@ -38,11 +38,8 @@ def _odometry(simulator: Simulator, robot: str, draws: np.random.Generator) -> T
     def tell(seen: Observation) -> Observation:
         nonlocal true, told
         moved = relative(true or seen.odometry, seen.odometry)
-        way = draws.uniform(-np.pi, np.pi)
-        c, s = np.cos(way), np.sin(way)
-        turned = float(wrap_angle_rad(moved.yaw_rad + way))
-        x_m, y_m = moved.x_m, moved.y_m
-        told = placed(told, Pose(float(c * x_m - s * y_m), float(s * x_m + c * y_m), turned))
+        another_way = Pose(0.0, 0.0, float(draws.uniform(-np.pi, np.pi)))
+        told = placed(told, placed(another_way, moved))
         true = seen.odometry
         return replace(seen, odometry=told)
 
