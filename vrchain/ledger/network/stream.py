@@ -5,6 +5,7 @@ Block h is message h + 1 of the stream ``block``. What has been stored is said a
 Offers wait in the stream ``offer``, one subject a robot, until a maker has made a block of them.
 """
 
+import asyncio
 import contextlib
 import json
 import threading
@@ -40,6 +41,7 @@ _LOOK_S = 2.0  # between two questions for the newest, should what is said be mi
 _LAGS_S = 2.0  # for which a replica may be behind
 _ASKED = 4  # times by way of each server, for a block that some may lack
 _SAID_KEPT = 200  # of what members say of themselves
+_AGAIN_S = 0.4  # until a stream that nobody answered for is asked once more
 _KEPT = 8  # messages that came before those they follow
 
 
@@ -149,12 +151,21 @@ class Stream:
         self.connection.close()
 
     def _publish(self, subject: str, data: bytes, headers: dict[str, str]) -> None:
+        from nats.js.errors import NoStreamResponseError
+
         timeout_s = self.connection.servers.timeout_s
 
         async def publish(client: "Client") -> None:
-            stream = client.jetstream(timeout=timeout_s)
-            sent = stream.publish(subject, data, timeout=timeout_s, headers=headers)
-            await self.connection.permitted(subject, sent)
+            stream, until_s = client.jetstream(timeout=timeout_s), time.monotonic() + timeout_s
+            while True:
+                sent = stream.publish(subject, data, timeout=timeout_s, headers=headers)
+                try:
+                    await self.connection.permitted(subject, sent)
+                    return
+                except NoStreamResponseError:  # nobody has it: no leader yet, of a new stream too
+                    if time.monotonic() + 2 * _AGAIN_S > until_s:
+                        raise
+                    await asyncio.sleep(_AGAIN_S)
 
         self.connection.run(publish)
 
