@@ -19,7 +19,7 @@ A payload is bytes and their SHA-256; docs/reference/ledger-format.md says how e
 - ``network/``: ``log`` orders blocks for several folders, ``stream`` is one on NATS servers
   (``connection``); ``replicated`` is a folder that follows one, ``robot`` one that offers what it
   publishes (``outbox``), ``maker`` makes blocks of offers, ``message`` is what travels;
-  ``opening``: ``open_ledger``. ``peer``: another process that judges blocks by a socket (``wire``).
+  ``opening``: ``open_ledger``.
 - ``cluster/``: servers on this machine, and the configuration of others.
 """
 

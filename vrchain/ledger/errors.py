@@ -161,18 +161,6 @@ class DroppedError(NotFoundError):
     """The blob was dropped on purpose; the operator signed that."""
 
 
-class PeerError(LedgerError):
-    """The other robot's process does not answer."""
-
-
-class WireError(PeerError):
-    """What comes over a connection is no message, and no more can be read from it."""
-
-
-class PeerRefusedError(PeerError):
-    """The other robot's process refused a block; its reason is in the message."""
-
-
 class LogError(LedgerError):
     """A log that a ledger shares with others does not serve."""
 

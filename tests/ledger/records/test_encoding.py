@@ -11,9 +11,16 @@ from ledgers import KEYS, OPERATOR_KEY, PUBLIC, garbage, new_chain, next_entry
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
-from vrchain.ledger.network.peer import accept
+from vrchain.ledger.network.message import unpack_entry
 from vrchain.ledger.records.block import Block, decode_record
-from vrchain.ledger.records.encoding import MAX_RECORD_BYTES, decode, digest, encode, split
+from vrchain.ledger.records.encoding import (
+    MAX_RECORD_BYTES,
+    decode,
+    digest,
+    encode,
+    encode_fields,
+    split,
+)
 from vrchain.ledger.records.membership import Drop, Enrolment, Expulsion, Genesis
 from vrchain.ledger.records.merkle import EMPTY_ROOT, Tree, climb
 from vrchain.ledger.records.proof import Proof
@@ -152,8 +159,8 @@ def test_garbage_raises_only_the_ledgers_own_errors(
     block = next_entry(chain).block.record
     decoders = [
         *DECODERS,
-        lambda data: accept(None, [data, b""]),
-        lambda data: accept(chain, [block, data, b"", b""]),  # with a good block
+        unpack_entry,
+        lambda data: unpack_entry(encode_fields("vrchain/2/message/entry", block, (data,), ())),
     ]
     refused, strings = 0, garbage(count, [*RECORDS.values(), PROOF])
     for data in strings:

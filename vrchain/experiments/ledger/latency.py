@@ -14,10 +14,10 @@ import pandas as pd
 from tqdm.auto import tqdm
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.receiver import Receiver
 from vrchain.experiments.ledger.stores import create_ledger
 from vrchain.experiments.stopwatch import Stopwatch, elapsed_us, sample_us
-from vrchain.ledger import Ledger, Transaction
-from vrchain.ledger.network.peer import PeerProcess
+from vrchain.ledger import Entry, Ledger, Transaction
 
 STAGES = ("encode", "hash", "sign", "validate", "append_memory", "append_durable", "transmit")
 RETRIEVALS = ("newest_transaction", "panorama", "common_landmark")
@@ -50,7 +50,7 @@ def update_latency(
     rows = []
     stopwatch = Stopwatch()
     made, keys = create_ledger(Path(folder), robots, seed)
-    with made as ledger, PeerProcess(ledger.entry(0)) as peer:
+    with made as ledger, Receiver(ledger.entry(0)) as receiver:
         for number, payload in enumerate(tqdm(payloads, desc="updates", unit="", disable=None)):
             position, turn = divmod(number, len(robots))
             robot = robots[turn]
@@ -59,7 +59,8 @@ def update_latency(
             transaction = ledger.publish(
                 robot, keys[robot], payload, "distance", position * STEP_NS, stopwatch.lap
             )
-            acknowledged = peer.send(ledger.head, (transaction,), payload)
+            entry = Entry(ledger.head, (transaction,))
+            acknowledged = receiver.send(entry, {transaction.payload_digest: payload})
             stopwatch.lap("transmit")
             total_us = (perf_counter_ns() - start_ns) / 1e3
             if acknowledged != ledger.head.hash:
