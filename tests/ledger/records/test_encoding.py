@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from ledgers import KEYS, OPERATOR_KEY, PUBLIC, garbage, new_chain, next_entry
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.receiver import accept
 from vrchain.ledger.errors import EncodingError, RecordError, TooLargeError
-from vrchain.ledger.network.message import unpack_entry
 from vrchain.ledger.records.block import Block, decode_record
 from vrchain.ledger.records.encoding import (
     MAX_RECORD_BYTES,
@@ -159,8 +159,8 @@ def test_garbage_raises_only_the_ledgers_own_errors(
     block = next_entry(chain).block.record
     decoders = [
         *DECODERS,
-        unpack_entry,
-        lambda data: unpack_entry(encode_fields("vrchain/2/message/entry", block, (data,), ())),
+        lambda data: accept(None, data),
+        lambda data: accept(chain, encode_fields("vrchain/2/message/entry", block, (data,), ())),
     ]
     refused, strings = 0, garbage(count, [*RECORDS.values(), PROOF])
     for data in strings:

@@ -5,9 +5,7 @@ Payloads are random bytes of a panorama's size. What a ratio compares is measure
 """
 
 import json
-import os
 import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +19,7 @@ import numpy as np
 import pandas as pd
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.child import python
 from vrchain.experiments.ledger.stores import create_ledger
 from vrchain.ledger import Ledger, Offer, SigningKey, Transaction, simulated_key, verify
 from vrchain.ledger.cluster.servers import Cluster
@@ -31,7 +30,6 @@ from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream
 from vrchain.ledger.records.transaction import blob_digest
-from vrchain.paths import ROOT
 from vrchain.seeding import generator
 
 MAKER = "M"
@@ -323,15 +321,6 @@ def _await(ledger: Ledger, sent: Transaction) -> None:
             raise LedgerError(f"{sent} has not come into {ledger.folder}")
         time.sleep(0.0005)
         ledger.refresh()
-
-
-def python(*words: str, stdout: int, quiet: bool = False) -> "subprocess.Popen[bytes]":
-    paths = os.pathsep.join(filter(None, (str(ROOT), os.environ.get("PYTHONPATH"))))
-    return subprocess.Popen(
-        [sys.executable, *words],
-        stdin=subprocess.DEVNULL, stdout=stdout, stderr=subprocess.DEVNULL if quiet else None,
-        env={**os.environ, "PYTHONPATH": paths}, start_new_session=True,
-    )  # fmt: skip
 
 
 async def _add_bare(client: Any, replicas: int) -> None:

@@ -15,13 +15,13 @@ from typing import Any
 import pandas as pd
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.child import python
 from vrchain.experiments.ledger.cluster import (
     PATIENCE_S,
     PAYLOAD_BYTES,
     ROBOT_CODE,
     Team,
     check_same,
-    python,
     team,
 )
 from vrchain.ledger import Ledger, Offer, Transaction, verify

@@ -21,10 +21,10 @@ import numpy as np
 import pandas as pd
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.child import python
 from vrchain.experiments.ledger.cluster import (
     PATIENCE_S,
     PAYLOAD_BYTES,
-    python,
     team,
     waits_ms,
 )

@@ -4,24 +4,22 @@ What travels is what servers carry too (``ledger.network.message``); the answer 
 hash, or why the block was refused.
 """
 
-import os
+import contextlib
 import socket
 import subprocess
-import sys
 from collections.abc import Mapping
 from multiprocessing.connection import Connection
 
 from vrchain.errors import LedgerError
+from vrchain.experiments.ledger.child import python
 from vrchain.ledger import Entry
 from vrchain.ledger.errors import PayloadDigestError
 from vrchain.ledger.network.message import MAX_MESSAGE_BYTES, pack_entry, unpack_entry
 from vrchain.ledger.rules.chain import Chain
 from vrchain.ledger.storage.closing import Closing
 from vrchain.ledger.storage.retention import named_by
-from vrchain.paths import ROOT
 
 _HASH_BYTES, _ANSWERS_WITHIN_S = 32, 30.0
-_PATHS = str(ROOT), os.environ.get("PYTHONPATH")
 _RUN = "import sys; from vrchain.experiments.ledger.receiver import serve; serve(int(sys.argv[1]))"
 
 
@@ -35,13 +33,8 @@ class Receiver(Closing):
         ours, theirs = socket.socketpair()
         self._pipe = Connection(ours.detach())
         with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-c", _RUN, str(theirs.fileno())],
-                pass_fds=[theirs.fileno()],
-                stdin=subprocess.DEVNULL,
-                env={**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, _PATHS))},
-                start_new_session=True,  # Ctrl-C is the parent's; the child ends with its socket
-            )
+            handle = theirs.fileno()
+            self._process = python("-c", _RUN, str(handle), keep=[handle])
         try:
             self.send(genesis, {})
         except BaseException:
@@ -86,7 +79,8 @@ def serve(handle: int) -> None:
                 return  # the sender is gone
             except LedgerError as error:
                 answer = bytes(_HASH_BYTES) + f"{type(error).__name__}: {error}".encode()
-            pipe.send_bytes(answer)
+            with contextlib.suppress(OSError):
+                pipe.send_bytes(answer)
 
 
 def accept(chain: Chain | None, message: bytes) -> Chain:
