@@ -1,6 +1,7 @@
 """The figures' scripts: each draws its picture, its PDF and its table, the same every time."""
 
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -16,6 +17,7 @@ from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.paths import FIGURES
 from vrchain.plots.save import save_figure
 from vrchain.plots.scripts import FigureError, figure_names, run_scripts
+from vrchain.plots.style import COLUMN_CM, PAGE_CM, SIDEWAYS_CM
 
 EXPECTED = [
     "barn_map", "common_landmarks", "home_vectors", "landmark_quality", "ledger",
@@ -41,6 +43,11 @@ def test_a_figure_is_drawn_with_its_pdf_and_its_table(
     starts = {path.name: path.read_bytes()[:4] for path in tmp_path.iterdir()}
     assert set(starts) == {f"{name}.{ending}" for ending in ("csv", "pdf", "png")}
     assert (starts[f"{name}.png"], starts[f"{name}.pdf"]) == (b"\x89PNG", b"%PDF")
+    page = re.search(rb"/MediaBox \[ 0 0 (\S+) (\S+) \]", (tmp_path / f"{name}.pdf").read_bytes())
+    assert page is not None
+    width_cm, height_cm = (round(float(points) / 72 * 2.54, 1) for points in page.groups())
+    assert width_cm in (COLUMN_CM, PAGE_CM, SIDEWAYS_CM)
+    assert height_cm <= 24.0
     table = pd.read_csv(tmp_path / f"{name}.csv") if name != "common_landmarks" else [1]
     assert len(table) > 0
 

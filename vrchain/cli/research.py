@@ -57,7 +57,7 @@ def figures(
         Path | None, typer.Option("-o", "--output", metavar="DIR", help="Elsewhere than figures/.")
     ] = None,
 ) -> None:
-    """Draw the figures into figures/, each as PNG, PDF and CSV."""
+    """Draw the figures into figures/, each as PNG, as PDF for print and as CSV."""
     from vrchain.experiments.reproduction.results import Results
     from vrchain.experiments.reproduction.stages import tell_of_other_code
     from vrchain.paths import DRAWN

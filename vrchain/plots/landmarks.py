@@ -22,6 +22,7 @@ from vrchain.plots.style import (
     GREEN,
     GREY,
     ORANGE,
+    PAGE_CM,
     claim_colour,
     label,
     legend_below,
@@ -157,7 +158,7 @@ def _curve(axes: Axes, line: pd.DataFrame, variant: str) -> None:
 
 def proposals_figure(panorama: Panorama, found: Proposals, most: int = 40) -> Figure:
     """A panorama in two halves with the surest proposals boxed, coloured and named by kind."""
-    figure, (upper, lower) = panels(13, 5.6, 2, 1)
+    figure, (upper, lower) = panels(13, 5.6, 2, 1, PAGE_CM)
     image, rig = panorama.cylinder, panorama.rig
     width_px = image.shape[1]
     half_px = width_px // 2

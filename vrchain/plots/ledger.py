@@ -18,6 +18,7 @@ from vrchain.plots.style import (
     BYTES,
     GREEN,
     RED,
+    SIDEWAYS_CM,
     SKY,
     in_units,
     label,
@@ -44,7 +45,9 @@ _SHORT = {
 def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blocks") -> Figure:
     """Blocks from left to right; in each, every robot's newest transaction."""
     robots = [robot for robot, _ in entries[-1].block.newest]
-    figure, axes = panels(2.05 * len(entries) + 0.2, 2.15 + 0.42 * len(robots))
+    figure, axes = panels(
+        2.05 * len(entries) + 0.2, 2.15 + 0.42 * len(robots), print_cm=SIDEWAYS_CM
+    )
     known: dict[bytes, Transaction] = {}
     top = 1.42 + _ROW * len(robots)
     for index, entry in enumerate(entries):
@@ -205,7 +208,7 @@ def regions_figure(table: pd.DataFrame, note: str = "") -> Figure:
     lost.set(title="What it misses of landmarks in common", xlabel="share (%)")
     received.invert_yaxis()
     for axes in (received, lost):
-        axes.margins(x=0.2)
+        axes.margins(x=0.25)
     legend_below(figure, lost.containers, 2, note)
     figure.suptitle("A ledger for each region: a robot follows ...")
     return figure

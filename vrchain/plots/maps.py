@@ -11,7 +11,7 @@ from matplotlib.text import Annotation
 from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
-from vrchain.plots.style import WHITE_BOX, label, panels
+from vrchain.plots.style import WHITE_BOX, label, legend_below, panels
 from vrchain.world.model import Scene, SceneObject
 
 _KIND_COLOURS = {
@@ -35,7 +35,7 @@ def scene_map(scene: Scene) -> Figure:
     figure, axes = panels(7.2, 7.2 * height_m / width_m * 0.92)
     draw_scene(axes, scene)
     axes.set(xlim=(-width_m / 2, width_m / 2), ylim=(-height_m / 2, height_m / 2))
-    _legend(axes, scene)
+    legend_below(figure, _handles(scene), 4)
     axes.set_title(f"{scene.name}: {width_m:g} x {height_m:g} m, {len(scene.objects)} objects")
     return figure
 
@@ -108,12 +108,11 @@ def _plan(obj: SceneObject) -> shapely.Geometry:
     return footprint if isinstance(footprint, shapely.Polygon) else footprint.buffer(0.15)
 
 
-def _legend(axes: Axes, scene: Scene) -> None:
+def _handles(scene: Scene) -> list[Patch]:
+    """A legend's, of the kinds that there are."""
     counts = scene.table[scene.table.landmark].kind.value_counts()
     shown = {kind: colour for kind, colour in _KIND_COLOURS.items() if kind in counts}
     handles = [Patch(fc=colour, label=f"{kind} ({counts[kind]})") for kind, colour in shown.items()]
     if rest := int(counts.drop(list(shown)).sum()):
         handles.append(Patch(fc=_OTHER_COLOUR, label=f"other landmarks ({rest})"))
-    axes.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, -0.06), ncols=4, frameon=False
-    )
+    return handles

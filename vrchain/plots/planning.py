@@ -8,7 +8,7 @@ from matplotlib.figure import Figure
 
 from vrchain.experiments.planning.lost_segments import METHODS, PROBABILITIES, RULES
 from vrchain.experiments.planning.published_drives import AS_PUBLISHED, PUBLISHED, TO_TARGET
-from vrchain.plots.style import BLUE, RED, legend_below, panels
+from vrchain.plots.style import BLUE, PAGE_CM, RED, legend_below, panels
 
 TEAMS_SHOWN = (10, 40, 90)
 _COLOURS = dict(zip(METHODS, ("#7a8694", "#c9a227", BLUE, RED, "#c2185b"), strict=True))
@@ -27,7 +27,7 @@ def planning_figure(shares: pd.DataFrame, teams: pd.DataFrame) -> Figure:
     Bars: 95 % interval of ours.
     """
     drives = sorted(shares.drives.unique())[:3]
-    figure, (first, *rest) = panels(10.2, 10.2, 1 + len(RULES), len(drives), sharey=True)
+    figure, (first, *rest) = panels(10.2, 10.2, 1 + len(RULES), len(drives), PAGE_CM, sharey=True)
     for axes, robots in zip(first, TEAMS_SHOWN, strict=True):
         _published_panel(axes, teams[teams.robots == robots], robots)
         axes.set_title(f"1 drive, {robots} robots", fontsize=10)

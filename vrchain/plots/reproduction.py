@@ -18,8 +18,10 @@ from vrchain.plots.style import (
     GREY,
     MICROSECONDS,
     RED,
+    SIDEWAYS_CM,
     in_units,
     label,
+    legend_below,
     note_below,
     panels,
     robot_colour,
@@ -92,13 +94,12 @@ def update_stages_figure(updates: Mapping[int, pd.DataFrame], note: str = "") ->
         for y, us, right in zip(at, middle, high, strict=True):
             text = f"{us:,.0f}" if us >= 100 else f"{us:.3g}"
             axes.text(right * 1.08, y, text, va="center", fontsize=7.5)
-    axes.set(xscale="log", title="Where the time of an update goes")
-    axes.set_xlim(0.5, axes.get_xlim()[1] * 2)
+    axes.set(xscale="log", title="Where the time of one update goes")
+    axes.set_xlim(0.5, axes.get_xlim()[1] * 3)
     axes.set_yticks(range(len(STAGES)), [_STAGES[stage] for stage in STAGES])
     axes.invert_yaxis()
-    axes.set_xlabel("time in one update (µs, logarithmic): median and quartiles")
-    axes.legend(loc="upper right")
-    note_below(figure, note)
+    axes.set_xlabel("median and quartiles (µs, logarithmic)")
+    legend_below(figure, axes.containers[1::2], 3, note)
     return figure
 
 
@@ -141,7 +142,7 @@ def table_figure(
 ) -> Figure:
     """``paper.summary_table`` and ``paper.bounds_table`` drawn; pairs: ``Results.qualities``."""
     heights = len(summary) + 2, len(bounds) + 2
-    figure, (upper, lower) = panels(12.5, 9.6, 2, 1, height_ratios=heights)
+    figure, (upper, lower) = panels(12.5, 9.6, 2, 1, SIDEWAYS_CM, height_ratios=heights)
     rows = summary.to_dict("records")
     table = _draw_table(
         upper,

@@ -1,4 +1,4 @@
-"""Figures to bytes and files, the same bytes for the same figure."""
+"""Figures to files, the same bytes for the same figure: PNG for screens, PDF for print."""
 
 import io
 from pathlib import Path
@@ -8,6 +8,7 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from vrchain.files import write_file
+from vrchain.plots.column import lay_out_for_print
 
 _DPI = 130
 
@@ -18,8 +19,13 @@ def png_bytes(figure: Figure) -> bytes:
 
 
 def save_figure(figure: Figure, table: pd.DataFrame, path_without_ending: Path) -> None:
-    """Write a figure as PNG and PDF and what it shows as CSV: all three or none."""
-    contents = {kind: _render(figure, kind) for kind in ("png", "pdf")}
+    """Write a figure as PNG and PDF and what it shows as CSV: all three or none.
+
+    The PDF is laid out for print (see ``column``), and so is the figure from then on.
+    """
+    contents = {"png": _render(figure, "png")}
+    lay_out_for_print(figure)
+    contents["pdf"] = _render(figure, "pdf")
     contents["csv"] = table.to_csv(index=False).encode()
     written: list[Path] = []
     try:

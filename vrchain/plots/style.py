@@ -18,6 +18,8 @@ _CLAIMS = (
 CLAIMS_TOLD_APART = len(_CLAIMS)
 WHITE_BOX = {"boxstyle": "round,pad=0.15", "facecolor": "white", "edgecolor": "none", "alpha": 0.8}
 
+COLUMN_CM, PAGE_CM, SIDEWAYS_CM = 8.5, 17.6, 24.0  # of print; a page turned by 90 degrees
+
 BYTES = {"GB": 1e9, "MB": 1e6, "kB": 1e3, "B": 1.0}
 MICROSECONDS = {"s": 1e6, "ms": 1e3, "µs": 1.0, "ns": 1e-3}
 
@@ -33,10 +35,18 @@ def claim_colour(number: int) -> str:
 
 
 def panels(
-    width_in: float, height_in: float, rows: int = 1, columns: int = 1, **given: Any
+    width_in: float,
+    height_in: float,
+    rows: int = 1,
+    columns: int = 1,
+    print_cm: float = COLUMN_CM,
+    **given: Any,
 ) -> tuple[Figure, Any]:
-    """A figure and its axes, or an array of them; ``given``: see ``Figure.subplots``."""
-    figure = Figure(figsize=(width_in, height_in), layout="constrained")
+    """A figure and its axes, or an array of them; ``given``: see ``Figure.subplots``.
+
+    print_cm: how wide it has to be in print, its label; see ``column``.
+    """
+    figure = Figure(figsize=(width_in, height_in), layout="constrained", label=f"{print_cm}")
     return figure, figure.subplots(rows, columns, **given)
 
 

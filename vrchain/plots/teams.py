@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose
 from vrchain.plots.maps import draw_ground, draw_robot, zoom_to
-from vrchain.plots.style import WHITE_BOX, panels, robot_colour
+from vrchain.plots.style import PAGE_CM, WHITE_BOX, legend_below, panels, robot_colour
 from vrchain.simulation.sightings import Sightings
 from vrchain.world.model import Scene, SceneObject
 
@@ -91,7 +91,7 @@ def chain_map(
     zoom_to(axes, np.concatenate([*corners, [p.xy_m for p in robots.values()]]), margin_m=3.0)
     axes.set_title(f"{scene.name}: {' - '.join(labels.get(n, n) for n in chain)}")
     wall = Line2D([], [], color=_WALL_COLOUR, lw=3, label="wall or fence")
-    _legend(axes, wall, -0.07)
+    legend_below(figure, _handles(wall), 5)
     return figure
 
 
@@ -102,7 +102,7 @@ def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]
     for an empty chain.
     """
     _check_chain(chain)
-    figure, axes = panels(4.8 * len(robots) + 1.6, 5.4)
+    figure, axes = panels(4.8 * len(robots) + 1.6, 5.4, print_cm=PAGE_CM)
     labels, goal = sightings.labels(), chain[-1]
     at = {name: np.array([4.8 * k, 0.0]) for k, name in enumerate(robots)}
     links = {frozenset(link) for link in pairwise(chain)}
@@ -140,7 +140,7 @@ def team_graph(robots: Sequence[str], sightings: Sightings, chain: Sequence[str]
     axes.margins(0.02)
     axes.set_axis_off()
     dashed = Patch(fc=_LANDMARK_COLOUR, ec="black", ls="--", label="seen by two, not the same side")
-    _legend(axes, dashed, 0.0)
+    legend_below(figure, _handles(dashed), 5)
     return figure
 
 
@@ -210,17 +210,13 @@ def _draw_landmark(axes: Axes, thing: SceneObject, chosen: bool) -> NDArray[np.f
     return np.asarray(middle)
 
 
-def _legend(axes: Axes, other: Artist, y: float) -> None:
-    """Below the axes; ``other``: what only this figure has."""
+def _handles(other: Artist) -> list[Artist]:
+    """A legend's; ``other``: what only this figure has."""
     fill = _LANDMARK_COLOUR
-    handles = [
+    return [
         Line2D([], [], marker=(3, 0, 0), ls="", ms=10, color=robot_colour(0), label="robot"),
         Line2D([], [], marker="o", ls="", ms=9, mfc=fill, mec="black", label="landmark"),
         other,
         Line2D([], [], color=_SIGHT_COLOUR, lw=_THIN_LW, label="sees"),
         Line2D([], [], color=_CHAIN_COLOUR, lw=_HEAVY_LW, label="the chain to the goal"),
     ]
-    axes.legend(
-        handles=handles, loc="upper center", bbox_to_anchor=(0.5, y), ncols=5, frameon=False,
-        fontsize=9,
-    )  # fmt: skip
