@@ -8,11 +8,11 @@ from vrchain.plots.scripts import Drawn, run_script
 
 
 def draw(results: Results) -> Drawn:
-    """Table and bounds as a picture; the rows of both as numbers, the table's first."""
+    """Table and bounds as a picture; the rows of both, and how times are spread, as numbers."""
     summary, bounds = results.summary(), results.bounds()
     note = f"{TABLE_NOTE}\n{results.note()}"
     figure = table_figure(summary, bounds, results.qualities(), note)
-    return figure, pd.concat([summary, bounds])
+    return figure, pd.concat([summary, bounds, results.statistics()])
 
 
 if __name__ == "__main__":

@@ -20,6 +20,9 @@ def reproduce(
         list[str] | None,
         typer.Option(metavar="NAME ...", help="Redo these stages, keep the others' results."),
     ] = None,
+    resume: Annotated[
+        bool, typer.Option("--resume", help="Keep what is finished, of one that was broken off.")
+    ] = False,
     names: Annotated[list[str] | None, typer.Argument(hidden=True)] = None,
 ) -> None:
     """Make the paper's evaluation anew: results, figures, executed notebooks.
@@ -43,9 +46,12 @@ def reproduce(
         "figures": run_figures,
         "notebooks": run_notebooks,
     }
-    reproduction.reproduce(
-        results, [*(only or ()), *(names or ())], stages, partial(print, flush=True), jobs=None
-    )
+    named, tell = [*(only or ()), *(names or ())], partial(print, flush=True)
+    reproduction.reproduce(results, named, stages, tell, jobs=None, resume=resume)
+    if results.has("update") and results.has("retrieval"):
+        tell(f"\n{results.statistics().to_string(index=False, float_format='{:.4g}'.format)}\n")
+    tell(f"Look at {results.folder}/figures and {results.folder}/notebooks.")
+    tell("What the paper claims, and what was measured: docs/reproduction.md.")
 
 
 def figures(

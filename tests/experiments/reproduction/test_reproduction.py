@@ -130,6 +130,17 @@ def test_the_table_is_made_of_the_measurements(results: Results) -> None:
     assert (results.bounds().n == 0).all()  # smoke measures none of the paper's numbers
 
 
+def test_the_spread_of_times_is_that_of_the_measurements(results: Results) -> None:
+    told = results.statistics().set_index(["of", "positions"])
+    for n, table in results.updates().items():
+        row, ms = told.loc["update", n], table.total_us / 1e3
+        assert (row.n, row.mean_ms) == (n, pytest.approx(ms.mean()))
+        assert row.low_ms < row.mean_ms < row.high_ms
+        assert row.p50_ms == pytest.approx(ms.median()) and row.p99_ms <= ms.max()
+        assert row.p50_ms <= row.p95_ms <= row.p99_ms
+    assert {*told.index.get_level_values("of")} == {"update", *RETRIEVALS}
+
+
 def test_each_stage_is_told_in_one_line(said: list[str]) -> None:
     assert [line.split()[0] for line in said] == list(reproduction.STAGES)
     assert all(line.endswith(" s)") for line in said)
@@ -226,6 +237,21 @@ def test_without_names_everything_is_made_anew(empty: Results) -> None:
     assert sorted(p.name for p in (empty.folder / "survey").iterdir()) == [
         "process", "result", MARKER,
     ]  # fmt: skip
+
+
+def test_one_that_was_broken_off_goes_on(empty: Results, monkeypatch: pytest.MonkeyPatch) -> None:
+    said: list[str] = []
+    with pytest.raises(RuntimeError, match="broke off"):
+        reproduce(empty, (), {**LIGHT, "update": failing}, quiet)
+    reproduce(empty, (), LIGHT, said.append, resume=True)
+    reproduce(empty, (), LIGHT, said.append, resume=True)
+    assert [line.split()[0] for line in said] == ["update", "retrieval"]
+    (empty.folder / "survey" / MARKER).write_text("{}")  # what rests on it is of another, then
+    reproduce(empty, ["survey", "update"], LIGHT, said.append, resume=True)
+    assert [line.split()[0] for line in said[2:]] == ["survey", "update"]
+    monkeypatch.setattr("vrchain.experiments.reproduction.results.code_digest", lambda: "another")
+    reproduce(empty, ["survey"], LIGHT, said.append, resume=True)
+    assert said[-1].split()[0] == "survey"
 
 
 def test_results_of_other_code_are_taken_and_told_of(

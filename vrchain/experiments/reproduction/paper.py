@@ -11,8 +11,10 @@ that of a common landmark: all our ways of retrieving stand beside its one.
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+import numpy as np
 import pandas as pd
 
+from vrchain.experiments.intervals import interval, resampled
 from vrchain.experiments.ledger.latency import RETRIEVALS
 
 UPDATE, RETRIEVAL = "update", "retrieval"
@@ -96,6 +98,30 @@ def summary_table(
     columns += [f"mean_{way}_ms" for way in RETRIEVALS]
     columns += ["mean_retrieval_ms", "mean_landmark_quality_m", "mean_landmark_quality"]
     return pd.DataFrame(rows, columns=columns)
+
+
+def statistics_table(
+    updates: Mapping[int, pd.DataFrame], retrievals: Mapping[int, pd.DataFrame], seed: int = 0
+) -> pd.DataFrame:
+    """How our times are spread, in milliseconds: one row of updates or a way, and of positions.
+
+    Columns: of, positions, n (times measured), mean_ms, low_ms and high_ms (its 95 % interval, by
+    bootstrap over the times, of which neighbours may be alike), sd_ms, p50_ms, p95_ms, p99_ms.
+    """
+    times_us = {(UPDATE, n): table["total_us"] for n, table in updates.items()}
+    for way in RETRIEVALS:
+        for n, table in retrievals.items():
+            times_us[way, n] = table["time_us"][table["way"] == way]
+    rows = []
+    for (of, positions), us in times_us.items():
+        ms = us.to_numpy(dtype=float) / 1e3
+        again = resampled(len(ms), seed, f"{of} {positions}")
+        low, high = interval(ms[again].mean(axis=1), len(ms))
+        row = {"of": of, "positions": positions, "n": len(ms), "mean_ms": ms.mean()}
+        row |= {"low_ms": low, "high_ms": high, "sd_ms": us.std() / 1e3}
+        row |= {f"p{share}_ms": np.percentile(ms, share) for share in (50, 95, 99)}
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def bounds_table(

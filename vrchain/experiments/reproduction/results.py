@@ -159,6 +159,10 @@ class Results:
         """The paper's bounds: ``paper.bounds_table``."""
         return paper.bounds_table(self.updates(), self.retrievals())
 
+    def statistics(self) -> pd.DataFrame:
+        """How times are spread: ``paper.statistics_table``."""
+        return paper.statistics_table(self.updates(), self.retrievals(), self.profile.seed)
+
     def note(self) -> str:
         """What the latency figures were measured on, for their captions."""
         payload_bytes = self.table("retrieval", "throughput").payload_bytes[0]

@@ -204,8 +204,11 @@ def reproduce(
     stages: dict[str, Stage] = STAGES,
     tell: Callable[[str], object] = print,
     jobs: int | None = 1,
+    resume: bool = False,
 ) -> None:
     """Run the named stages (all, if none is named) in their order, telling of each in one line.
+
+    resume: those that are finished, by the same code and by what they need, are kept.
 
     Results that a stage goes on from are taken as they are; it is told if other code made them.
     jobs: processes for stages that can run at once, see ``workers.each``.
@@ -216,6 +219,8 @@ def reproduce(
         if name not in stages:
             raise ReproductionError(f"expected stages of {', '.join(stages)}, got {name!r}")
     chosen = [stage for stage in stages if stage in names or not names]
+    if resume:
+        chosen = _unfinished(results, chosen)
     needed = {n for stage in chosen for n in NEEDS.get(stage, ())} - set(chosen)
     missing = {n for n in needed if not results.has(n)}
     if missing:
@@ -244,6 +249,16 @@ def reproduce(
                 said[stage] = f"{stage:10} {line}"
         while chosen and chosen[0] in said:
             tell(said[chosen.pop(0)])
+
+
+def _unfinished(results: Results, chosen: Sequence[str]) -> list[str]:
+    """Those of some stages that have no results of this code, or that need one of these."""
+    left: list[str] = []
+    for stage in chosen:
+        kept = results.has(stage) and not results.by_other_code([stage])
+        if not kept or {*NEEDS.get(stage, ())} & {*left}:
+            left.append(stage)
+    return left
 
 
 def _run(results: Results, stages: Sequence[Stage], folders: Sequence[Path], number: int) -> str:
