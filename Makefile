@@ -14,10 +14,11 @@ unexport PYTHONDONTWRITEBYTECODE
 
 .DEFAULT_GOAL := help
 .NOTPARALLEL:
-.PHONY: help setup reproduce test test-all test-processors lab site lint format lock clean profile
+.PHONY: help setup reproduce results test test-all test-processors lab site lint format lock clean profile
 
 help:
 	@echo "make reproduce        the paper's evaluation, figures and notebooks (PROFILE=quick or paper)"
+	@echo "make results          reported figures again: did any move? (NAMES=missions, ...)"
 	@echo "make test             lint, types and the fast tests"
 	@echo "make test-all         lint, types and every test at full counts"
 	@echo "make test-processors  the tests that rest on recognition, as other processors would"
@@ -38,6 +39,10 @@ profile:
 
 reproduce: profile setup
 	$(BIN)/vrchain reproduce --profile $(PROFILE)
+
+# NAMES: of figures in figures/results.csv, as they begin; all, for days, if none.
+results: setup
+	$(BIN)/python tools/results.py $(NAMES)
 
 lint: setup
 	$(BIN)/ruff check .

@@ -3,10 +3,16 @@
 A script has ``draw(results)``, which returns the figure and the table of what it shows.
 """
 
+import json
+import os
+import platform
 import runpy
 import shutil
+import subprocess
 from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
 from functools import partial
+from hashlib import sha256
 from pathlib import Path
 
 import pandas as pd
@@ -14,10 +20,12 @@ from matplotlib.figure import Figure
 
 from vrchain.allocator import keep_freed_memory
 from vrchain.errors import VRChainError
-from vrchain.experiments.reproduction.results import ADVERTISED, Results
+from vrchain.experiments.reproduction.results import Results
 from vrchain.experiments.workers import each
 from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
+
+KEPT, MANIFEST = "paper", "manifest.json"  # the profile whose figures are committed
 
 Drawn = tuple[Figure, pd.DataFrame]
 """A figure, and the table of what it shows."""
@@ -94,10 +102,55 @@ def _draw(results: Results, folder: Path, scripts: Path, names: Sequence[str], n
 
 
 def run_figures(results: Results, folder: Path) -> str:
-    """The stage ``figures``: all of them, in a checkout also beside their scripts."""
+    """The stage ``figures``: all of them; in a checkout those of ``KEPT`` beside their scripts."""
     drawn = run_scripts(results, folder, jobs=None)
-    beside = results.profile.name in ADVERTISED and not INSTALLED
+    (folder / MANIFEST).write_text(manifest(results, folder))
+    beside = results.profile.name == KEPT and not INSTALLED
     if beside:
         for path in sorted(folder.iterdir()):
             shutil.copyfile(path, FIGURES / path.name)
     return f"{len(drawn)} figures" + (f", also in {FIGURES.name}/" if beside else "")
+
+
+def manifest(results: Results, folder: Path) -> str:
+    """By what the figures in a folder were made, and the SHA-256 of each picture and table."""
+    return (
+        json.dumps(
+            {
+                "command": f"vrchain reproduce --profile {results.profile.name}",
+                "seed": results.profile.seed,
+                "commit": _git("rev-parse", "--short", "HEAD"),
+                "changed_since": bool(_git("status", "--porcelain", "--untracked-files=no")),
+                "date": datetime.now(UTC).date().isoformat(),
+                "processor": _processor(),
+                "python": platform.python_version(),
+                "sha256": {
+                    path.name: sha256(path.read_bytes()).hexdigest()
+                    for path in sorted(folder.iterdir())
+                    if path.suffix in (".csv", ".png")
+                },
+            },
+            indent=2,
+        )
+        + "\n"
+    )
+
+
+def _git(*words: str) -> str:
+    """What git says of the checkout; nothing where there is none."""
+    command = ["git", "-C", str(FIGURES), *words]
+    try:
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+    except OSError:
+        return ""
+    return done.stdout.strip()
+
+
+def _processor() -> str:
+    """Its name, as far as the system tells."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return f"{names[0] if names else platform.machine()}, {os.cpu_count()} cores"

@@ -152,7 +152,7 @@ def run_mission(results: Results, folder: Path, draw: Draw | None = None) -> str
     profile = results.profile
     seeds = range(profile.seed, profile.seed + profile.missions)
     runs = each(partial(_mission, profile, folder, draw), seeds, None, "missions")
-    outcomes = pd.DataFrame([{"seed": profile.seed + k, **r.summary()} for k, r in enumerate(runs)])
+    outcomes = pd.DataFrame([{"seed": s, **r.summary()} for s, r in zip(seeds, runs, strict=True)])
     _write(folder, missions=outcomes)
     shown = max(runs, key=lambda r: (r.success, bool(r.result.plans)))  # the first of equals
     with open(folder / "run.pickle", "wb") as file:
@@ -219,8 +219,7 @@ def reproduce(
         if name not in stages:
             raise ReproductionError(f"expected stages of {', '.join(stages)}, got {name!r}")
     chosen = [stage for stage in stages if stage in names or not names]
-    if resume:
-        chosen = _unfinished(results, chosen)
+    chosen = _unfinished(results, chosen) if resume else chosen
     needed = {n for stage in chosen for n in NEEDS.get(stage, ())} - set(chosen)
     missing = {n for n in needed if not results.has(n)}
     if missing:
@@ -255,8 +254,8 @@ def _unfinished(results: Results, chosen: Sequence[str]) -> list[str]:
     """Those of some stages that have no results of this code, or that need one of these."""
     left: list[str] = []
     for stage in chosen:
-        kept = results.has(stage) and not results.by_other_code([stage])
-        if not kept or {*NEEDS.get(stage, ())} & {*left}:
+        old = not results.has(stage) or results.by_other_code([stage])
+        if old or {*NEEDS.get(stage, ())} & {*left}:
             left.append(stage)
     return left
 

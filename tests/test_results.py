@@ -1,0 +1,160 @@
+"""Reported figures: what README and the claims quote is recorded; made again, it is compared."""
+
+import importlib.util
+import re
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pandas as pd
+import pytest
+from worlds import ROOT
+
+from vrchain.experiments.reproduction.paper import READINGS, TABLE
+
+# A decimal, or a whole number of something that is measured.
+NUMBER = re.compile(r"(?<![\w.])(\d[\d,]*\.\d+|\d+(?= (?:ms|MB|%|degrees)))")
+COMMIT = re.compile(r"[0-9a-f]{7}")
+
+
+@pytest.fixture(scope="module")
+def tool() -> ModuleType:
+    spec = importlib.util.spec_from_file_location("results_tool", ROOT / "tools/results.py")
+    assert spec is not None and spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def quoted() -> Iterator[tuple[str, str]]:
+    """Each number that README's table and the claims give as measured, with where it stands."""
+    # what stands beside "here", "answer" or "result" in the table's head
+    for page, heads in (
+        ("README.md", {"result"}),
+        ("docs/reproduction.md", {"here", "answer so far"}),
+    ):
+        column = 0
+        for line in (ROOT / page).read_text().splitlines():
+            cells = [cell.strip() for cell in line.strip("|").split("|")]
+            if not line.startswith("|"):
+                column = 0
+            elif found := heads.intersection(cells):
+                column = cells.index(found.pop())
+            elif column:
+                text = re.sub(r"\]\([^)]*\)|`[^`]*`", "", cells[column])
+                yield from ((f"{page}: {cells[0]}", number) for number in NUMBER.findall(text))
+
+
+def is_known(number: str, known: set[float]) -> bool:
+    digits = len(number.partition(".")[2])
+    return any(f"{value:.{digits}f}" == number.replace(",", "") for value in known)
+
+
+def test_every_number_that_is_quoted_was_recorded(tool: ModuleType) -> None:
+    rows = tool.reported()
+    known = {float(x) for column in ("value", "low", "high") for x in rows[column] if x}
+    known |= {
+        t * unit for row in TABLE for t in (row.update, row.retrieval) for unit in READINGS.values()
+    }
+    numbers = list(quoted())
+    assert len(numbers) > 80
+    assert [place for place in numbers if not is_known(place[1], known)] == []
+    assert not is_known("0.123", known)  # as a number would be that somebody made up
+
+
+def test_rows_are_whole_and_of_commits_that_there_are(tool: ModuleType) -> None:
+    rows = tool.reported()
+    for _, row in rows.iterrows():
+        float(row["value"])
+        assert bool(row["low"]) == bool(row["high"]), row
+        if row["low"]:
+            assert float(row["low"]) <= float(row["value"]) <= float(row["high"]), row
+        assert row["command"].startswith("vrchain ") and COMMIT.fullmatch(row["commit"]), row
+    dates = rows.groupby("figure").date
+    assert all(list(own) == sorted(own) for _, own in dates)  # the newest comes last
+    shallow = subprocess.check_output(
+        ["git", "-C", str(ROOT), "rev-parse", "--is-shallow-repository"], text=True
+    )
+    if shallow.strip() == "false":
+        for commit in rows.commit.unique():
+            subprocess.run(
+                ["git", "-C", str(ROOT), "cat-file", "-e", f"{commit}^{{commit}}"], check=True
+            )
+
+
+def test_the_history_is_that_of_the_rows(tool: ModuleType) -> None:
+    assert tool.HISTORY.read_text() == tool.history(tool.reported())
+
+
+def some(**changed: str) -> pd.DataFrame:
+    row = dict.fromkeys(
+        [
+            "figure",
+            "value",
+            "low",
+            "high",
+            "unit",
+            "n",
+            "seed",
+            "commit",
+            "date",
+            "command",
+            "where",
+        ],
+        "",
+    )
+    row |= {"figure": "a/b", "value": "0.5", "low": "0.4", "high": "0.6", "command": "vrchain x"}
+    return pd.DataFrame([{**row, "where": "arm.success", **changed}])
+
+
+@pytest.mark.parametrize(
+    ("printed", "verdict"),
+    [
+        ({"success": 0.58, "success_ci": [0.5, 0.7]}, "within"),
+        ({"success": 0.8, "success_ci": [0.7, 0.9]}, "MOVED"),
+        ({"success": 0.2, "success_ci": None}, "MOVED"),
+        ({"success": 0.55}, "within"),
+    ],
+)
+def test_what_moved_beyond_its_interval_is_told(
+    tool: ModuleType, printed: dict[str, object], verdict: str
+) -> None:
+    said: list[str] = []
+    made = tool.made_again(some(), lambda command: {"arm": printed}, said.append)
+    assert said[0].startswith(f"{verdict}: a/b: ") and len(made) == 1
+    assert float(made.value[0]) == printed["success"] and COMMIT.match(made.commit[0])
+
+
+def test_without_an_interval_a_twentieth_is_a_move(tool: ModuleType) -> None:
+    row = some(low="", high="").iloc[0]
+    assert [tool.has_moved(row, value, []) for value in (0.52, 0.53)] == [False, True]
+
+
+def test_what_cannot_be_made_again_is_a_line(tool: ModuleType) -> None:
+    def fails(command: str) -> object:
+        raise RuntimeError("expected a scene")
+
+    said: list[str] = []
+    assert tool.made_again(some(), fails, said.append).empty
+    assert tool.made_again(some(where=""), fails, said.append).empty
+    assert said == ["failed: vrchain x: expected a scene", "by hand: vrchain x: a/b"]
+
+
+def test_a_name_that_no_figure_has_is_told_with_those_there_are(
+    tool: ModuleType, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit):
+        tool.main(["landmark_s"])
+    told = capsys.readouterr().err
+    assert "expected names that begin with" in told and "missions" in told
+
+
+def test_pictures_and_tables_are_small_and_those_of_the_manifest(tool: ModuleType) -> None:
+    kept = [p for p in (ROOT / "figures").iterdir() if p.suffix in (".png", ".csv", ".json")]
+    committed = subprocess.check_output(
+        ["git", "-C", str(ROOT), "ls-files", "figures"], text=True
+    ).split()
+    size = sum(p.stat().st_size for p in kept if f"figures/{p.name}" in committed)
+    assert size <= 6_000_000
+    assert Path("figures/results.csv").name in {p.name for p in kept}

@@ -1,0 +1,151 @@
+"""Reported figures: made again and compared, and their history as a page.
+
+``figures/results.csv`` holds every figure that README and docs/reproduction.md quote, a row for
+each time it was measured: its value, 95 % interval, n, seed, commit, date, the command that prints
+it, and where in that command's JSON it is (nothing: it is read by hand). Rows are only ever added.
+
+    python tools/results.py missions         # the newest of these anew: did any move?
+    python tools/results.py missions --write # and add what came
+    python tools/results.py --history        # write docs/results/history.md
+
+Without names all are made again, which takes days.
+"""
+
+import argparse
+import json
+import shlex
+import subprocess
+import sys
+from collections.abc import Callable, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import pandas as pd
+
+ROOT = Path(__file__).resolve().parents[1]
+RESULTS, HISTORY = ROOT / "figures/results.csv", ROOT / "docs/results/history.md"
+_KEY = {
+    "missions/success": "missions that arrive",
+    "missions/spl_chain": "their spl_chain",
+    "missions/seconds": "their mean time, s",
+    "landmarks/1-10 m/cnn+sift/pair_success": "surest claim right, 1-10 m",
+    "landmarks/10-20 m/cnn+sift/pair_success": "surest claim right, 10-20 m",
+    "landmarks/20-40 m/cnn+sift/pair_success": "surest claim right, 20-40 m",
+    "homing/return ratio": "homing: returned",
+    "ledger/update, 500 positions": "ledger update, ms",
+    "ledger/retrieval of a panorama, 500 positions": "retrieval of a panorama, ms",
+}
+_ALIKE = 0.05  # of a figure without an interval: it has moved if it is off by more of itself
+
+
+def reported(path: Path = RESULTS) -> pd.DataFrame:
+    """All rows, the oldest first; numbers as they were written."""
+    return pd.read_csv(path, dtype=str, keep_default_na=False)
+
+
+def newest(rows: pd.DataFrame) -> pd.DataFrame:
+    """The last row of each figure."""
+    return rows.drop_duplicates("figure", keep="last")
+
+
+def printed_by(command: str) -> Any:
+    """What a command prints as JSON; RuntimeError if it fails."""
+    words = [str(Path(sys.executable).with_name("vrchain")), *shlex.split(command)[1:], "--json"]
+    done = subprocess.run(words, cwd=ROOT, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError((done.stderr.strip().splitlines() or ["it printed nothing"])[-1])
+    return json.loads(done.stdout)
+
+
+def measured(printed: Any, where: str) -> tuple[float, list[float]]:
+    """A figure and its interval, in what a command printed."""
+    *within, name = where.split(".")
+    for key in within:
+        printed = printed[key]
+    return float(printed[name]), list(printed.get(f"{name}_ci") or [])
+
+
+def has_moved(row: pd.Series, value: float, interval: Sequence[float]) -> bool:
+    """Whether a figure is off the reported one by more than both intervals tell."""
+    old = float(row["value"])
+    low, high = (float(row[end]) if row[end] else None for end in ("low", "high"))
+    if low is None or high is None:
+        return abs(value - old) > _ALIKE * abs(old)
+    first, last = interval or (value, value)
+    return last < low or first > high
+
+
+def made_again(
+    rows: pd.DataFrame, run: Callable[[str], Any] = printed_by, tell: Callable[[str], Any] = print
+) -> pd.DataFrame:
+    """Run the rows' commands, each once, and tell of each figure if it moved; the new rows."""
+    now, commit = datetime.now(UTC).date().isoformat(), _git("rev-parse", "--short", "HEAD")
+    made = []
+    for command, own in rows.groupby("command", sort=False):
+        if not all(own["where"]):
+            tell(f"by hand: {command}: {', '.join(own.figure)}")
+            continue
+        try:
+            printed = run(str(command))
+        except (OSError, RuntimeError, ValueError) as error:
+            tell(f"failed: {command}: {error}")
+            continue
+        for _, row in own.iterrows():
+            value, interval = measured(printed, row["where"])
+            verdict = "MOVED" if has_moved(row, value, interval) else "within"
+            ends = [f"{end:.4g}" for end in interval] or ["", ""]
+            tell(f"{verdict}: {row['figure']}: {value:.4g} {interval}, was {row['value']}")
+            changed = {"value": f"{value:.4g}", "low": ends[0], "high": ends[1]}
+            made.append({**row, **changed, "commit": commit, "date": now})
+    return pd.DataFrame(made, columns=rows.columns)
+
+
+def history(rows: pd.DataFrame) -> str:
+    """The page of key figures by commit."""
+    lines = [
+        "# Key figures by commit",
+        "",
+        "Written by `python tools/results.py --history` from",
+        "[results.csv](../../figures/results.csv), which has seeds, commands and all other",
+        "figures that are quoted. Brackets: 95 % intervals.",
+        "",
+        "| figure | date | commit | value | n |",
+        "|---|---|---|---|---|",
+    ]
+    for figure, name in _KEY.items():
+        for _, row in rows[rows.figure == figure].iterrows():
+            ends = f" [{row['low']}, {row['high']}]" if row["low"] else ""
+            told = (name, row["date"], row["commit"], f"{row['value']}{ends}", row["n"])
+            lines.append(f"| {' | '.join(told)} |")
+    return "\n".join(lines) + "\n"
+
+
+def _git(*words: str) -> str:
+    return subprocess.check_output(["git", "-C", str(ROOT), *words], text=True).strip()
+
+
+def main(words: Sequence[str] | None = None) -> None:
+    """The command."""
+    parser = argparse.ArgumentParser(description="Reported figures, made again.")
+    parser.add_argument("names", nargs="*", help="figures whose names begin so; all if none")
+    parser.add_argument("--write", action="store_true", help="add what came to results.csv")
+    parser.add_argument("--history", action="store_true", help="only write the page of key figures")
+    given = parser.parse_args(words)
+    rows = reported()
+    if not given.history:
+        last = newest(rows)
+        chosen = last[last.figure.str.startswith(tuple(given.names) or "")]
+        if chosen.empty:
+            known = ", ".join(sorted({name.split("/")[0] for name in last.figure}))
+            parser.error(f"expected names that begin with {known}, got {' '.join(given.names)}")
+        made = made_again(chosen)
+        if not given.write:
+            return
+        rows = pd.concat([rows, made])
+        rows.to_csv(RESULTS, index=False, lineterminator="\n")
+    HISTORY.write_text(history(rows))
+
+
+if __name__ == "__main__":
+    main()
