@@ -7,6 +7,7 @@ import IPython.display
 import pandas as pd
 import pytest
 from claims import claim, pair
+from clusters import skip_without_servers
 from drawn import words
 from driven import driven
 from ledgers import small_ledger
@@ -155,6 +156,21 @@ def test_the_chain_is_planned_again_without_what_is_crossed_out() -> None:
         vr.play.team(yard())
     with pytest.raises(MissionError, match=r"expected a goal of .*, got 'moon'"):
         vr.play.team(barn, goal="moon")
+
+
+def test_of_three_servers_one_may_break_and_with_two_gone_all_waits() -> None:
+    skip_without_servers()
+    play = vr.play.machines()
+    whole, one, two = play.at(), play.at(stopped=1, robot="R2"), play.at(stopped=2)
+    back = play.at(robot="R2")
+    tables = [shown.table for shown in (whole, one, two, back)]
+    assert [list(table.panoramas) for table in tables if table is not None] == [
+        [1, 1], [2, 2], [2, 2], [4, 4],
+    ]  # fmt: skip
+    assert "not in the chain" in two.says and "every folder" in back.says
+    for table, waiting in zip(tables, (0, 0, 1, 0), strict=True):
+        assert table is not None
+        assert table["head"].nunique() == 1 and table["waiting in its outbox"].sum() == waiting
 
 
 def test_a_control_that_there_is_not_and_a_value_that_is_none() -> None:

@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from vrchain.play.driving import drive as drive
     from vrchain.play.home import homing as homing
     from vrchain.play.ledger import tamper as tamper
+    from vrchain.play.machines import machines as machines
     from vrchain.play.missions import replay as replay
     from vrchain.play.pairs import apart as apart
     from vrchain.play.teams import team as team
@@ -24,6 +25,7 @@ _HOMES = {
     "apart": "pairs",
     "drive": "driving",
     "homing": "home",
+    "machines": "machines",
     "replay": "missions",
     "tamper": "ledger",
     "team": "teams",
