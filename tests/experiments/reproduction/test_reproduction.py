@@ -2,6 +2,9 @@
 
 import json
 import os
+import re
+import subprocess
+import sys
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -9,6 +12,7 @@ from pathlib import Path
 import pandas as pd
 import pytest
 from conftest import SAID
+from worlds import ROOT
 
 from vrchain.experiments.landmarks.over_distance import VARIANTS
 from vrchain.experiments.ledger.latency import RETRIEVALS, STAGES
@@ -139,6 +143,21 @@ def test_the_spread_of_times_is_that_of_the_measurements(results: Results) -> No
         assert row.p50_ms == pytest.approx(ms.median()) and row.p99_ms <= ms.max()
         assert row.p50_ms <= row.p95_ms <= row.p99_ms
     assert {*told.index.get_level_values("of")} == {"update", *RETRIEVALS}
+
+
+@pytest.mark.slow
+def test_two_runs_differ_in_times_and_rates_alone(results: Results, tmp_path: Path) -> None:
+    again = {**os.environ, "VRCHAIN_BUILD": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    words = ("reproduce", "--profile", "smoke", "--only", *reproduction.STAGES)
+    subprocess.run([sys.executable, "-m", "vrchain", *words], env=again, check=True)
+    tables = sorted(path.relative_to(results.folder) for path in results.folder.rglob("*.csv"))
+    assert len(tables) >= 10
+    for name in tables:
+        first, second = (pd.read_csv(f / name) for f in (results.folder, tmp_path / "smoke"))
+        timed = [c for c in first if re.search(r"(^|_)(us|ms|per_s|ms_per_pair|wall_s)$", c)]
+        pd.testing.assert_frame_equal(
+            first.drop(columns=timed), second.drop(columns=timed), check_exact=True, obj=str(name)
+        )
 
 
 def test_each_stage_is_told_in_one_line(said: list[str]) -> None:
