@@ -10,6 +10,7 @@ import pytest
 from gazebo_files import CUBE, UNWARNED, drawn, include, load, mesh, model, only, told, visual
 from gazebo_files import no_folders as no_folders
 
+from vrchain.errors import SpecError
 from vrchain.geometry import Pose
 from vrchain.world import SceneObject
 from vrchain.world.render import Renderer
@@ -89,6 +90,18 @@ def test_what_is_merged_is_the_models_own(tmp_path: Path) -> None:
     thing = only(load(tmp_path, outer, files))
     assert thing.name == "outer"
     assert np.allclose(thing.bounds_m, [(3.5, 2.5, 0.5), (4.5, 3.5, 7.5)])
+
+
+@UNWARNED
+def test_a_link_may_have_two_colons_in_its_own_name(tmp_path: Path) -> None:
+    """Gazebo classic saved nested models so: their links became those of the outer one."""
+    door = f'<link name="door::leaf"><pose>2 0 1 0 0 0</pose>{CUBE}</link>'
+    knob = f'<link name="knob"><pose relative_to="door::leaf">1 0 0 0 0 0</pose>{CUBE}</link>'
+    thing = only(load(tmp_path, f'<model name="room">{door}{knob}</model>'))
+    assert np.allclose(thing.bounds_m, [(1.5, -0.5, 0.5), (3.5, 0.5, 1.5)])
+    nowhere = door.replace("<pose>", '<pose relative_to="wall::leaf">')
+    with pytest.raises(SpecError, match="there is no frame 'wall::leaf'"):
+        load(tmp_path, f'<model name="room">{nowhere}</model>')
 
 
 @UNWARNED

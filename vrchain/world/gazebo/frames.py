@@ -171,7 +171,8 @@ class Frames:
         if name in seen or len(seen) > 64:
             raise user.error(f"its pose depends on itself: {' -> '.join((*seen, name))[:200]}")
         element = self._elements.get(name)
-        first, _, within = name.partition("::")
+        # Gazebo classic flattened nested models: "door::link" may be a link's own name.
+        first, _, within = (name, "", "") if element is not None else name.partition("::")
         if first not in self._elements:  # what a merged model holds is the scope's own
             for merged, part in self._models.items():
                 if is_merged(merged) and first in part.frames._elements:
