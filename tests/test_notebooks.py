@@ -97,9 +97,14 @@ BARN = vr.SCENES / "barn.yaml"
     [
         (lambda: vr.load_scene(vr.SCENES / "town.yaml"), "no scene file .*town.yaml"),
         (lambda: vr.Panorama(vr.CameraRig(8, 16, 16), black()).view(9), "of 0 to 7, got 9"),
-        (lambda: next(vr.draw_pairs(vr.load_scene(BARN), 1, (9, 4), 0)), "from low to high"),
+        (
+            lambda: next(vr.draw_pairs(vr.load_scene(BARN), 1, (9, 4), 0)),
+            "from low to high",
+        ),
         (lambda: next(vr.draw_pairs(vr.load_scene(BARN), 1, (200, 300), 0)), "found only 0 of 1"),
         (lambda: vr.load_scene(BARN).check_pose(vr.Pose(4.0, 31.0)), "inside or within .* 'barn'"),
+        (lambda: next(vr.draw_pairs(vr.load_scene(BARN), 1, (5, 9), "one")), "a whole number"),
+        (lambda: vr.load_scene(BARN).check_pose((4.0, 1.0)), "a pose of three finite numbers"),
         (lambda: vr.reproduced("fast"), "a profile of quick, paper, got 'fast'"),
     ],
 )
@@ -122,6 +127,11 @@ def test_a_block_that_is_not_there_is_named(tmp_path: Path) -> None:
         pytest.raises(vr.LedgerError, match="block 9 is missing"),
     ):
         ledger.entry(9)
+    with (
+        vr.Ledger.open(tmp_path / "ledger") as ledger,
+        pytest.raises(vr.LedgerError, match="block '2' is missing: expected a number from 0 to"),
+    ):
+        ledger.entry("2")
 
 
 def test_with_a_fourth_robot_two_landmarks_must_go() -> None:

@@ -14,7 +14,7 @@ import worlds
 from pages import fetched, frames
 
 from vrchain.cli.notebooks import execute
-from vrchain.errors import OutputError
+from vrchain.errors import OutputError, PoseError
 from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.geometry import Pose
 from vrchain.viewer import view
@@ -40,6 +40,17 @@ def test_a_view_holds_the_whole_scene_and_fetches_nothing() -> None:
     assert "$" not in re.sub(r"\$\{", "", shown.page)  # every blank of the template is filled
     assert set(geometry_in(shown.page).geometry) == {"ground", 'a "quoted" <box>'}
     assert frames(shown._repr_html_()) == [shown.page]
+
+
+def test_a_view_is_told_in_a_line() -> None:
+    """A notebook stores this text beside the page."""
+    assert repr(view(scene(), height_px=400)) == "View(height_px=400)"
+
+
+@pytest.mark.parametrize("pose", [(5.0, -3.0), Pose("5", 0.0), Pose(1e6, 0.0)])  # type: ignore[arg-type]
+def test_a_robot_that_stands_nowhere_is_refused(pose: Any) -> None:
+    with pytest.raises(PoseError, match=r"expected a pose of three finite|off the map"):
+        view(scene(), {"R1": pose})
 
 
 def test_robots_stand_at_their_poses_under_a_pin_that_points_ahead() -> None:

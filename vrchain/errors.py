@@ -13,6 +13,10 @@ class VRChainError(Exception):
         return printable(" ".join(super().__str__().splitlines()))
 
 
+class SeedError(VRChainError):
+    """A seed is no whole number."""
+
+
 class SpecError(VRChainError):
     """A scene file is missing, unreadable, or holds a key or value that is not allowed."""
 

@@ -5,12 +5,22 @@ somewhere never changes the draws of another.
 """
 
 import hashlib
+from operator import index
 
 import numpy as np
 
+from vrchain.errors import SeedError
+
 
 def generator(seed: int, *names: str | int) -> np.random.Generator:
-    """The generator of the object ``names`` under ``seed`` (any int, 0 like any other)."""
-    key = "/".join([str(int(seed)), *map(str, names)])
+    """The generator of the object ``names`` under ``seed`` (any int, 0 like any other).
+
+    SeedError for what is no whole number.
+    """
+    try:
+        whole = index(seed)
+    except TypeError:
+        raise SeedError(f"expected a seed that is a whole number, got {seed!r}") from None
+    key = "/".join([str(whole), *map(str, names)])
     entropy = int.from_bytes(hashlib.sha256(key.encode()).digest(), "big")
     return np.random.Generator(np.random.PCG64(entropy))

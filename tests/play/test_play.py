@@ -40,11 +40,19 @@ def test_what_two_robots_see_is_found_or_it_is_said_why_not() -> None:
     shown = play.at(distance_m=2, direction_deg=40)
     assert shown.table is not None and len(shown.table) > 3
     assert list(shown.table.columns) == ["landmark", "found", "why"]
-    right = shown.table[shown.table.found].why.str.startswith("right by ")
+    right = shown.table[shown.table.found].why.str.startswith("right with probability ")
     assert right.all() and not shown.table[~shown.table.found].why.str.startswith("right").any()
     assert f"**{shown.table.found.sum()} of the {len(shown.table)} are found**" in shown.says
     with pytest.raises(PlayError, match="expected distance_m from 1 to 40, got 41"):
         play.at(distance_m=41)
+
+
+def test_two_robots_stand_where_they_can_from_the_start() -> None:
+    box = yard().objects[yard().index_of("box 0")]
+    x_m, y_m = map(float, box.bounds_m.mean(axis=0)[:2])
+    play = vr.play.apart(yard(), vr.Pose(x_m + 5.0, y_m))
+    assert play.controls["direction_deg"].value != 180
+    assert play.at().says.startswith("5 m apart")
 
 
 @pytest.fixture(scope="module")

@@ -67,7 +67,7 @@ def test_common_landmarks_close_together_are_drawn_once() -> None:
     image = panorama().cylinder
     figure = common_landmarks_figure(image, image, claims, SMALL_RIG)
     assert strays(figure) == []
-    assert "4 common landmarks; 3 shown, of several close together the surest" in words(figure)
+    assert "4 common landmarks; shown: the 3 surest that lie apart" in words(figure)
     numbers = [text.get_text() for axes in figure.axes for text in axes.texts]
     assert sorted(numbers) == ["1", "1", "3", "3", "4", "4"]
     assert "1 common landmarks" not in words(

@@ -33,7 +33,11 @@ _ROW = re.compile(r"^\| (\w+) \| (.*?) \| \[", re.MULTILINE)  # of docs/results/
 def main(profile: str = "quick") -> int:
     """Build it; what is missing is named. The exit status."""
     if find_spec("material") is None:
-        print(f"make site needs mkdocs-material: {sys.executable} -m pip install '{NEEDS}'")
+        print(
+            "make site needs mkdocs-material and nbconvert in a Python of their own: "
+            f"python3 -m venv build/venv && build/venv/bin/pip install '{NEEDS}' nbconvert && "
+            "make site SITE_PYTHON=build/venv/bin/python"
+        )
         return 1
     results = BUILD / profile
     shutil.rmtree(SOURCE, ignore_errors=True)

@@ -100,6 +100,10 @@ class Reader(Replica, Closing):
 
     def entry(self, height: int) -> Entry:
         """The block at ``height`` and its records. NotFoundError, DamagedError."""
+        if height not in range(self.head.height + 1):
+            raise NotFoundError(
+                f"block {height!r} is missing: expected a number from 0 to {self.head.height}"
+            )
         return next(read_whole_entries(self._db, height, height + 1))
 
     def entries(self, from_height: int = 0) -> Iterator[Entry]:

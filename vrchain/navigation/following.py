@@ -97,7 +97,8 @@ class Follower:
             )  # fmt: skip
         for name, share in sorted(found.doubted.items()):
             self.log("ledger", f"{name} did not move as it says", robot=name, agree=round(share, 2))
-        why = f"{' - '.join(route.robots)} - goal, by {n_landmarks} common landmarks"
+        landmarks = "landmark" if n_landmarks == 1 else "landmarks"
+        why = f"{' - '.join(route.robots)} - goal, by {n_landmarks} common {landmarks}"
         score, trust = round(route.score, 3), round(route.trust, 4)
         self.log("route", why, number, score=score, trust=trust)
 

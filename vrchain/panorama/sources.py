@@ -127,11 +127,11 @@ def model_of(source: Source, told: Metadata, image: NDArray[np.uint8], what: str
     if width_px == 2 * height_px:
         raise ImageError(
             f"{what}: twice as wide as high, but its metadata do not tell what it shows: is it a "
-            "full sphere? Then say --model equirectangular"
+            'full sphere? Then say --model equirectangular, or vr.Source("equirectangular")'
         )
     raise ImageError(
         f"{what}: {width_px} x {height_px} pixels, and its metadata do not tell what they show: "
-        f"give --model, one of {', '.join(MODELS)}"
+        f"give --model, or vr.Source(MODEL), one of {', '.join(MODELS)}"
     )
 
 

@@ -2,6 +2,7 @@
 
 import numpy as np
 from matplotlib.axes import Axes
+from numpy.typing import NDArray
 
 from vrchain.experiments.landmarks.missed import found_and_missed
 from vrchain.geometry import Pose, wrap_angle_rad
@@ -17,11 +18,13 @@ from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
-_LEAST_M, _MOST_M = 1, 40
+_LEAST_M, _MOST_M, _FIRST_M = 1, 40, 5
 
 
 def apart(scene: Scene, first: Pose, rig: CameraRig = SMALL) -> Play:
     """R1 stands at ``first``, R2 so far from it, that way, turned so: what they find in common.
+
+    At the start R2 is 5 m west of R1, or another way if it cannot stand there.
 
     By truth, green lines lead to landmarks that both see and that were found, red ones to those
     that were not; the table says where each was lost. PoseError where a robot cannot stand;
@@ -32,10 +35,14 @@ def apart(scene: Scene, first: Pose, rig: CameraRig = SMALL) -> Play:
     seen_a = renderer.render(first, rig)
     record_a = examine(seen_a)
 
+    def stands_at(distance_m: float, direction_deg: float) -> NDArray[np.float64]:
+        towards_rad = np.radians(direction_deg)
+        return first.xy_m + distance_m * np.array([np.cos(towards_rad), np.sin(towards_rad)])
+
     def draw(distance_m: float, direction_deg: float, turned_deg: float) -> Shown:
-        towards_rad, turned_rad = np.radians([direction_deg, turned_deg])
-        x_m, y_m = first.xy_m + distance_m * np.array([np.cos(towards_rad), np.sin(towards_rad)])
-        second = Pose(float(x_m), float(y_m), float(wrap_angle_rad(first.yaw_rad + turned_rad)))
+        x_m, y_m = stands_at(distance_m, direction_deg)
+        yaw_rad = float(wrap_angle_rad(first.yaw_rad + np.radians(turned_deg)))
+        second = Pose(float(x_m), float(y_m), yaw_rad)
         scene.check_pose(second)
         seen_b = renderer.render(second, rig)
         poses = first, second
@@ -65,11 +72,13 @@ def apart(scene: Scene, first: Pose, rig: CameraRig = SMALL) -> Play:
         )
         return Shown(says, figure, table.sort_values("found", ignore_index=True))
 
+    ways_deg = [180, *range(135, -180, -45)]
+    free = [way_deg for way_deg in ways_deg if scene.is_free(stands_at(_FIRST_M, way_deg)).all()]
     return Play(
         draw,
         {
-            "distance_m": Slider("apart (m)", _LEAST_M, _MOST_M, 1, 5),
-            "direction_deg": Slider("R2 is towards (°)", -180, 180, 5, 180),
+            "distance_m": Slider("apart (m)", _LEAST_M, _MOST_M, 1, _FIRST_M),
+            "direction_deg": Slider("R2 is towards (°)", -180, 180, 5, (free or ways_deg)[0]),
             "turned_deg": Slider("R2 turned by (°)", -180, 180, 5, 0),
         },
     )

@@ -75,7 +75,7 @@ def draw_robot(axes: Axes, name: str, pose: Pose, colour: str, size_m: float = 2
     outline = np.array([[1.0, 0.0], [-0.6, 0.55], [-0.6, -0.55]]) * size_m
     c, s = np.cos(pose.yaw_rad), np.sin(pose.yaw_rad)
     corners = outline @ np.array([[c, s], [-s, c]]) + pose.xy_m
-    axes.fill(*corners.T, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=6)
+    axes.fill(*corners.T, facecolor=colour, edgecolor="white", linewidth=1.0, zorder=9)
     draw_name(axes, name, pose.xy_m, colour)
 
 
@@ -83,7 +83,7 @@ def draw_name(axes: Axes, name: str, xy_m: NDArray[np.float64], colour: str) -> 
     """A robot's name beside a place, (2,)."""
     return label(
         axes, name, (float(xy_m[0]), float(xy_m[1])), (9, 7), fontsize=9, fontweight="bold",
-        color=colour, zorder=7, bbox=WHITE_BOX,
+        color=colour, zorder=10, bbox=WHITE_BOX,
     )  # fmt: skip
 
 

@@ -115,7 +115,7 @@ def common_landmarks_figure(
         )
     shown = ""
     if len(claims) > len(chosen):
-        shown = f"; {len(chosen)} shown, of several close together the surest"
+        shown = f"; shown: the {len(chosen)} surest that lie apart"
     landmarks = "common landmark" if len(claims) == 1 else "common landmarks"
     figure.suptitle(f"{len(claims)} {landmarks}{shown}", fontsize=11)
     return figure

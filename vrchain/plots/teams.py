@@ -5,6 +5,7 @@ Robots are triangles, landmarks ellipses; sight lines are thin, those of the cha
 
 from collections.abc import Mapping, Sequence
 from itertools import pairwise
+from typing import Any
 
 import numpy as np
 import shapely
@@ -37,11 +38,14 @@ def chain_of(robots: Sequence[str], sightings: Sightings, goal: str | None) -> l
     It ends where two neighbours have nothing in common, or with the last robot if that does not see
     the goal. Raises MissionError without robots, or for one of which no sightings are known.
     """
-    unknown = [robot for robot in robots if robot not in sightings.visible]
-    if not robots or unknown:
+    if not robots:
         raise MissionError(
-            f"expected one or more robots of {', '.join(sightings.visible)}, got "
-            f"{', '.join(unknown) or 'none'}"
+            "expected one or more robots, got none: a scene that has none of its own needs them "
+            "named, as in {'R1': vr.Pose(0, 0), 'R2': vr.Pose(9, 0)}"
+        )
+    if unknown := [robot for robot in robots if robot not in sightings.visible]:
+        raise MissionError(
+            f"expected robots of {', '.join(sightings.visible)}, got {', '.join(unknown)}"
         )
     chain = [robots[0]]
     for a, b in pairwise(robots):
@@ -83,10 +87,10 @@ def chain_map(
         (x_m, y_m), text = places[name], f"{thing.kind} (the goal)"
         if name in labels:  # beside its ellipse; a goal is large enough to bear its name
             y_m, text = thing.bounds_m[0, 1] - 1.2, f"{labels[name]}: {thing.kind}"
-        axes.text(
-            x_m, y_m, text, ha="center", va="top", fontsize=9, fontweight="bold",
-            color=_CHAIN_COLOUR, zorder=8, bbox=WHITE_BOX,
-        )  # fmt: skip
+        style: dict[str, Any] = {"fontsize": 7.5, "color": _WALL_COLOUR, "zorder": 7}
+        if name in chain:
+            style = {"fontsize": 9, "color": _CHAIN_COLOUR, "fontweight": "bold", "zorder": 8}
+        axes.text(x_m, y_m, text, ha="center", va="top", bbox=WHITE_BOX, **style)
     corners = [scene.objects[scene.index_of(n)].bounds_m[:, :2] for n in sorted(seen)]
     zoom_to(axes, np.concatenate([*corners, [p.xy_m for p in robots.values()]]), margin_m=3.0)
     axes.set_title(f"{scene.name}: {' - '.join(labels.get(n, n) for n in chain)}")

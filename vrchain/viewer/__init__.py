@@ -11,7 +11,7 @@ import gzip
 import html
 import json
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from importlib import resources
 
 import numpy as np
@@ -19,7 +19,7 @@ import numpy as np
 from vrchain.errors import OutputError
 from vrchain.geometry import Pose
 from vrchain.world.export import glb_bytes
-from vrchain.world.model import Scene, SceneObject, Surface, place
+from vrchain.world.model import Scene, SceneObject, Surface, check_on_map, place
 from vrchain.world.things import pioneer
 
 _PIN_FOOT_M, _PIN_M = 1.3, 7.0  # above the robot; high enough to be found among houses
@@ -29,7 +29,7 @@ _PIN_FOOT_M, _PIN_M = 1.3, 7.0  # above the robot; high enough to be found among
 class View:
     """A page to look at: shown by a notebook, or written to an .html file as it is."""
 
-    page: str
+    page: str = field(repr=False)  # megabytes
     height_px: int
 
     def _repr_html_(self) -> str:
@@ -50,7 +50,8 @@ def view(
     """A scene to turn and to walk around; over each robot a pin with an arrow along its heading.
 
     robots: name and pose; the scene's own if none are given. Textures larger than
-    ``max_texture_px`` are shrunk: the page of a whole suburb takes some MB.
+    ``max_texture_px`` are shrunk: the page of a whole suburb takes some MB. PoseError for what is
+    no pose on the map.
     """
     if max_texture_px < 1 or height_px < 1:
         raise OutputError(
@@ -58,6 +59,8 @@ def view(
             f"height_px={height_px}"
         )
     team = dict(scene.robots) if robots is None else robots
+    for pose in team.values():
+        check_on_map(pose, scene.extent_m)
     bodies = [replace(body, name=f"robot {body.name}") for body in pioneer.placed(scene, team)]
     pins = [_pin(name, pose) for name, pose in team.items()]
     shown = replace(scene, objects=(*scene.objects, *bodies, *pins))

@@ -244,8 +244,15 @@ class Scene:
 
 def check_on_map(pose: Pose, extent_m: tuple[float, float]) -> None:
     """Raise PoseError unless ``pose`` is one, in radians, on a map of that size (x, y)."""
-    if not np.isfinite([pose.x_m, pose.y_m, pose.yaw_rad]).all():
-        raise PoseError(f"a pose needs three finite numbers, got {pose}")
+    try:
+        finite = bool(np.isfinite([pose.x_m, pose.y_m, pose.yaw_rad]).all())
+    except (AttributeError, TypeError):
+        finite = False
+    if not finite:
+        raise PoseError(
+            "expected a pose of three finite numbers, metres east and north and radians, such as "
+            f"vr.Pose(10.0, 0.0, 0.0), got {pose!r}"
+        )
     if abs(pose.yaw_rad) > 4 * np.pi:  # sums of two angles are less
         raise PoseError(
             f"expected a yaw in radians, at most two turns, got {pose.yaw_rad:g}: "

@@ -1,3 +1,5 @@
+from typing import Any
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -43,6 +45,12 @@ def test_pairs_are_free_and_in_the_band() -> None:
 def test_pairs_that_cannot_be_are_said_plainly() -> None:
     with pytest.raises(MissionError, match="found only 0 of 2 pairs"):
         list(draw_pairs(worlds.world(extent_m=(4.0, 4.0)), 2, (30.0, 40.0), 0))
+
+
+@pytest.mark.parametrize("spacing_m", [5.0, (), (9.0, 4.0), ("near", "far"), (-1.0, 2.0), None])
+def test_a_spacing_that_is_none_is_refused(spacing_m: Any) -> None:
+    with pytest.raises(MissionError, match="expected a spacing from low to high"):
+        next(draw_pairs(sights.yard(), 1, spacing_m, 0))
 
 
 def measure() -> pd.DataFrame:

@@ -43,7 +43,7 @@ def found_and_missed(
     for number in both:
         name = truth.scene.objects[number].name
         score = right.get(name)
-        why = lost.why(number) if score is None else f"right by {score:.2f}"
+        why = lost.why(number) if score is None else f"right with probability {score:.2f}"
         rows.append({"landmark": name, "found": score is not None, "why": why})
     return found, pd.DataFrame(rows, columns=["landmark", "found", "why"])
 
@@ -81,8 +81,8 @@ class _Lost:
             return "no relative pose was found: too little matches"
         if self._best.chance < self._config.min_joined:
             return (
-                f"the likeliest relative pose is right by {self._best.chance:.2f} only, and must "
-                f"be by {self._config.min_joined}"
+                f"the likeliest relative pose is right with probability {self._best.chance:.2f}, "
+                f"and {self._config.min_joined} is needed"
             )
         mine, other = (np.flatnonzero(ids == number) for ids in self._ids)
         pairs = self._best.found.pairs
@@ -93,7 +93,7 @@ class _Lost:
             score = float(self._score[same].max())
             if score < self._config.min_score:
                 least = self._config.min_score
-                return f"joined, but right by {score:.2f} only, and must be by {least}"
+                return f"joined, but right with probability {score:.2f}, and {least} is needed"
             return "claimed, but most of its support lies on something else"
         partners = {int(self._ids[1][pairs[k, 1]]) for k in self._best.own if pairs[k, 0] in mine}
         named = [self._names[i] for i in sorted(partners) if i >= 0]

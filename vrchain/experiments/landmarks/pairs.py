@@ -1,5 +1,6 @@
 """Pairs of poses to compare, and the claims of common landmarks of any pairs, judged by truth."""
 
+import math
 from collections.abc import Iterable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 
@@ -109,15 +110,20 @@ def draw_pairs(
 
     MissionError for a band that is none, or where the scene has too few free places so far apart.
     """
-    low_m, high_m = spacing_m
+    try:
+        low_m, high_m = map(float, spacing_m)
+    except (TypeError, ValueError):
+        low_m, high_m = math.nan, math.nan
     if not 0 <= low_m <= high_m:
-        raise MissionError(f"expected spacings from low to high, in metres, got {spacing_m}")
+        raise MissionError(
+            f"expected a spacing from low to high, in metres, such as (5, 10), got {spacing_m!r}"
+        )
     draws = generator(seed, "pairs")
     half = np.array(scene.extent_m) / 2
     made = 0
     for _ in range(10_000 * n_pairs):
         first = draws.uniform(-half, half)
-        spacing, course = draws.uniform(*spacing_m), draws.uniform(-np.pi, np.pi)
+        spacing, course = draws.uniform(low_m, high_m), draws.uniform(-np.pi, np.pi)
         second = first + spacing * np.array([np.cos(course), np.sin(course)])
         yaws = draws.uniform(-np.pi, np.pi, 2)
         if not scene.is_free([first, second]).all():
@@ -127,4 +133,6 @@ def draw_pairs(
         made += 1
         if made == n_pairs:
             return
-    raise MissionError(f"found only {made} of {n_pairs} pairs of free places {spacing_m} m apart")
+    raise MissionError(
+        f"found only {made} of {n_pairs} pairs of free places {low_m:g} to {high_m:g} m apart"
+    )

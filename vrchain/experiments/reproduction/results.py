@@ -127,8 +127,14 @@ class Results:
         return self.folder / stage / name
 
     def table(self, stage: str, name: str) -> pd.DataFrame:
-        """A stage's CSV."""
-        return pd.read_csv(self.path(stage, f"{name}.csv"))
+        """A stage's CSV; ReproductionError unless it has one of that name."""
+        path = self.path(stage, f"{name}.csv")
+        if not path.exists():
+            there = sorted(csv.stem for csv in path.parent.glob("*.csv"))
+            raise ReproductionError(
+                f"expected a table of {stage}, {' or '.join(there)}, got {name!r}"
+            )
+        return pd.read_csv(path)
 
     def updates(self) -> dict[int, pd.DataFrame]:
         """``latency.update_latency`` by number of positions."""

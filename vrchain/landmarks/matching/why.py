@@ -92,18 +92,21 @@ def why_panoramas(a: LandmarkRecord, b: LandmarkRecord) -> Told:
     if best.chance < config.min_joined:
         yield (
             "answer",
-            f"nothing in common: the likeliest pose is right by {best.chance:.2f} only, and must "
-            f"be by {config.min_joined}: pictures taken nearer to each other have more matches",
+            f"nothing in common: the likeliest pose is right with probability {best.chance:.2f}, "
+            f"and {config.min_joined} is needed: pictures taken nearer to each other match better",
         )
     elif not (made := claims_under(level, best, config, worth, (a, b))):
         yield (
             "answer",
-            f"nothing in common: the likeliest pose is right by {best.chance:.2f}, but what "
-            "matches lies on the ground, or is scattered",
+            f"nothing in common: the likeliest pose is right with probability {best.chance:.2f}, "
+            "but what matches lies on the ground, or is scattered",
         )
     else:
         count = "common landmarks" if len(made) > 1 else "common landmark"
-        yield "answer", f"{len(made)} {count}, the surest right by {made[0].score:.2f}"
+        yield (
+            "answer",
+            f"{len(made)} {count}, the surest right with probability {made[0].score:.2f}",
+        )
 
 
 def _pose_told(option: Judged) -> str:
@@ -114,8 +117,8 @@ def _pose_told(option: Judged) -> str:
     by_matches = 1 / (1 + np.exp(-found.pose_log_odds))
     return (
         f"B at {direction:.0f} degrees, turned by {heading:.0f}: {len(found.keypoints[0])} "
-        f"matched keypoints obey it; right by {by_matches:.2f} for its matches, by "
-        f"{option.chance:.2f} with what is joined under it"
+        f"matched keypoints obey it; right with probability {by_matches:.2f} by its matches, "
+        f"{option.chance:.2f} by what is joined under it too"
     )
 
 
