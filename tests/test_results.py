@@ -139,8 +139,13 @@ def test_what_cannot_be_made_again_is_a_line(tool: ModuleType) -> None:
 
     said: list[str] = []
     assert tool.made_again(some(), fails, said.append).empty
+    assert tool.made_again(some(), lambda command: {"arm": {"other": 1.0}}, said.append).empty
     assert tool.made_again(some(where=""), fails, said.append).empty
-    assert said == ["failed: vrchain x: expected a scene", "by hand: vrchain x: a/b"]
+    assert said == [
+        "failed: vrchain x: expected a scene",
+        "failed: vrchain x: 'success'",
+        "by hand: vrchain x: a/b",
+    ]
 
 
 def test_a_name_that_no_figure_has_is_told_with_those_there_are(

@@ -88,11 +88,11 @@ def made_again(
             continue
         try:
             printed = run(str(command))
-        except (OSError, RuntimeError, ValueError) as error:
+            found = [measured(printed, where) for where in own["where"]]
+        except (OSError, RuntimeError, ValueError, KeyError, TypeError) as error:
             tell(f"failed: {command}: {error}")
             continue
-        for _, row in own.iterrows():
-            value, interval = measured(printed, row["where"])
+        for (_, row), (value, interval) in zip(own.iterrows(), found, strict=True):
             verdict = "MOVED" if has_moved(row, value, interval) else "within"
             ends = [f"{end:.4g}" for end in interval] or ["", ""]
             tell(f"{verdict}: {row['figure']}: {value:.4g} {interval}, was {row['value']}")
