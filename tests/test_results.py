@@ -16,7 +16,9 @@ from vrchain.experiments.reproduction.paper import READINGS, TABLE
 from vrchain.plots.scripts import figure_names
 
 # A decimal, or a whole number of something that is measured.
-NUMBER = re.compile(r"(?<![\w.])(\d[\d,]*\.\d+|\d+(?= (?:ms|MB|%|degrees)))")
+NUMBER = re.compile(
+    r"(?<![\w.])(\d[\d,]*\.\d+|\d+(?=(?:(?:,| and) \d+)* (?:ms|MB|%|degrees)(?!\w)))"
+)
 COMMIT = re.compile(r"[0-9a-f]{7}")
 
 
@@ -30,7 +32,7 @@ def tool() -> ModuleType:
 
 
 def quoted() -> Iterator[tuple[str, str]]:
-    """Each number that README's table and the claims give as measured, with where it stands."""
+    """Each number that README's table and the claims give as measured, with its page, in order."""
     # what stands beside "here", "answer" or "result" in the table's head
     for page, heads in (
         ("README.md", {"result"}),
@@ -45,24 +47,55 @@ def quoted() -> Iterator[tuple[str, str]]:
                 column = cells.index(found.pop())
             elif column:
                 text = re.sub(r"\]\([^)]*\)|`[^`]*`", "", cells[column])
-                yield from ((f"{page}: {cells[0]}", number) for number in NUMBER.findall(text))
+                yield from ((page, number) for number in NUMBER.findall(text))
 
 
-def is_known(number: str, known: set[float]) -> bool:
+def meant(rows: pd.DataFrame) -> list[tuple[str, str, str, list[float]]]:
+    """Page, number and figure of each quote, as quoted.csv has them, and what was measured.
+
+    That is the figure's newest row, or the named commit's; ``paper``: all of the paper's table.
+    """
+    papers = [
+        t * u for row in TABLE for t in (row.update, row.retrieval) for u in READINGS.values()
+    ]
+    found = []
+    for _, said in pd.read_csv(
+        ROOT / "figures/quoted.csv", dtype=str, keep_default_na=False
+    ).iterrows():
+        own = rows[(rows.figure == said.figure) & rows.commit.str.startswith(said.commit)]
+        values = [*map(float, own[said.end or "value"].tail(1))]
+        told = papers if said.figure == "paper" else values
+        found.append((said.page, said.number, said.figure, told))
+    return found
+
+
+def is_rounded(number: str, values: list[float]) -> bool:
     digits = len(number.partition(".")[2])
-    return any(f"{value:.{digits}f}" == number.replace(",", "") for value in known)
+    return number.replace(",", "") in {f"{value:.{digits}f}" for value in values}
 
 
-def test_every_number_that_is_quoted_was_recorded(tool: ModuleType) -> None:
+def test_every_number_that_is_quoted_is_the_figure_that_is_meant(tool: ModuleType) -> None:
+    """See CONTRIBUTING.md, Documents."""
+    told = meant(tool.reported())
+    assert len(told) > 100
+    assert [*quoted()] == [(page, number) for page, number, *_ in told]
+    assert [row for row in told if not is_rounded(row[1], row[3])] == []
+
+
+def test_a_number_that_is_changed_by_hand_is_noticed(tool: ModuleType) -> None:
+    """Each of them, in the page and in quoted.csv alike, though the new one be another figure's."""
+    for _, number, figure, values in meant(tool.reported()):
+        if figure != "paper":  # of which it is only known that the paper has it somewhere
+            others = {number[:-1] + digit for digit in "0123456789"} - {number}
+            assert not any(is_rounded(other, values) for other in others), (figure, number)
+
+
+def test_a_figure_that_was_measured_anew_is_noticed_where_it_is_quoted(tool: ModuleType) -> None:
     rows = tool.reported()
-    known = {float(x) for column in ("value", "low", "high") for x in rows[column] if x}
-    known |= {
-        t * unit for row in TABLE for t in (row.update, row.retrieval) for unit in READINGS.values()
-    }
-    numbers = list(quoted())
-    assert len(numbers) > 80
-    assert [place for place in numbers if not is_known(place[1], known)] == []
-    assert not is_known("0.123", known)  # as a number would be that somebody made up
+    newer = rows[rows.figure == "ledger/update, 500 positions"].assign(value="2.50")
+    told = meant(pd.concat([rows, newer]))
+    old = [row[:2] for row in told if not is_rounded(row[1], row[3])]
+    assert old == [("README.md", "1.79"), *[("docs/reproduction.md", "1.79")] * 2]
 
 
 def test_rows_are_whole_and_of_commits_that_there_are(tool: ModuleType) -> None:
