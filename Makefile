@@ -18,7 +18,7 @@ unexport PYTHONDONTWRITEBYTECODE
 
 help:
 	@echo "make reproduce        the paper's evaluation, figures and notebooks (PROFILE=quick or paper)"
-	@echo "make results          reported figures again: did any move? (NAMES=missions, ...)"
+	@echo "make results          reported figures again: did any move? (NAMES=missions, or all; none: which there are)"
 	@echo "make test             lint, types and the fast tests"
 	@echo "make test-all         lint, types and every test at full counts"
 	@echo "make test-processors  the tests that rest on recognition, as other processors would"
@@ -40,7 +40,7 @@ profile:
 reproduce: profile setup
 	$(BIN)/vrchain reproduce --profile $(PROFILE)
 
-# NAMES: of figures in figures/results.csv, as they begin; all, for days, if none.
+# NAMES: of figures in figures/results.csv, as they begin; all takes days. None: what there is.
 results: setup
 	$(BIN)/python tools/results.py $(NAMES)
 

@@ -3,15 +3,19 @@
 import importlib.util
 import json
 import re
+import shlex
 import subprocess
 from collections.abc import Iterator
 from hashlib import sha256
+from pathlib import Path
 from types import ModuleType
 
 import pandas as pd
 import pytest
+import typer
 from worlds import ROOT
 
+from vrchain.cli import app
 from vrchain.experiments.reproduction.paper import READINGS, TABLE
 from vrchain.plots.scripts import figure_names
 
@@ -181,13 +185,52 @@ def test_what_cannot_be_made_again_is_a_line(tool: ModuleType) -> None:
     ]
 
 
+def test_nothing_is_run_that_is_not_named(
+    tool: ModuleType, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(tool, "made_again", None)
+    tool.main([])
+    told = capsys.readouterr().out.splitlines()
+    assert {line.partition(":")[0] for line in told} == {"if named", "by hand"}
+    assert len(told) == tool.newest(tool.reported()).command.nunique()
+
+
+def test_what_came_is_added_and_the_rows_before_are_left_as_they_were(
+    tool: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    before, came = tool.RESULTS.read_text(), []
+    monkeypatch.setattr(tool, "RESULTS", tmp_path / "results.csv")
+    tool.RESULTS.write_text(before)
+    monkeypatch.setattr(tool, "HISTORY", tmp_path / "history.md")
+    monkeypatch.setattr(tool, "made_again", lambda rows: came.append(rows) or rows.tail(1))
+    tool.main(["homing", "--write"])
+    assert set(came[0].figure.str.partition("/")[0]) == {"homing"}
+    after = tool.RESULTS.read_text()
+    assert after.startswith(before) and after.count("\n") == before.count("\n") + 1
+    assert tool.HISTORY.read_text() == tool.history(tool.reported(tool.RESULTS))
+    tool.main(["all", "--write"])
+    assert len(came[1]) == len(tool.newest(tool.reported()))
+
+
+def test_the_commands_that_are_run_are_commands_and_options_that_there_are(
+    tool: ModuleType, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(ROOT)
+    rows = tool.newest(tool.reported())
+    for words in rows[rows["where"] != ""].command.unique():
+        command, rest = typer.main.get_command(app), shlex.split(words)[1:]
+        while hasattr(command, "commands"):
+            command = command.commands[rest.pop(0)]
+        command.make_context(words, [*rest, "--json"])
+
+
 def test_a_name_that_no_figure_has_is_told_with_those_there_are(
     tool: ModuleType, capsys: pytest.CaptureFixture[str]
 ) -> None:
     with pytest.raises(SystemExit):
         tool.main(["landmark_s"])
     told = capsys.readouterr().err
-    assert "expected names that begin with" in told and "missions" in told
+    assert "expected all, or what begins with cluster" in told and "missions" in told
 
 
 def committed(*words: str) -> bytes:

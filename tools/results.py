@@ -4,11 +4,12 @@
 each time it was measured: its value, 95 % interval, n, seed, commit, date, the command that prints
 it, and where in that command's JSON it is (nothing: it is read by hand). Rows are only ever added.
 
+    python tools/results.py                  # what can be made again, and by which command
     python tools/results.py missions         # the newest of these anew: did any move?
     python tools/results.py missions --write # and add what came
     python tools/results.py --history        # write docs/results/history.md
 
-Without names all are made again, which takes days.
+``all`` names all of them, which takes days: so nothing is run that is not named.
 """
 
 import argparse
@@ -101,6 +102,14 @@ def made_again(
     return pd.DataFrame(made, columns=rows.columns)
 
 
+def offered(rows: pd.DataFrame) -> list[str]:
+    """A line for each command of some rows: what it makes again, if it is named."""
+    return [
+        f"{'if named' if all(own['where']) else 'by hand'}: {command}: {', '.join(own.figure)}"
+        for command, own in rows.groupby("command", sort=False)
+    ]
+
+
 def history(rows: pd.DataFrame) -> str:
     """The page of key figures by commit."""
     lines = [
@@ -128,22 +137,26 @@ def _git(*words: str) -> str:
 def main(words: Sequence[str] | None = None) -> None:
     """The command."""
     parser = argparse.ArgumentParser(description="Reported figures, made again.")
-    parser.add_argument("names", nargs="*", help="figures whose names begin so; all if none")
+    parser.add_argument("names", nargs="*", help="figures whose names begin so; or all")
     parser.add_argument("--write", action="store_true", help="add what came to results.csv")
     parser.add_argument("--history", action="store_true", help="only write the page of key figures")
     given = parser.parse_args(words)
     rows = reported()
     if not given.history:
         last = newest(rows)
-        chosen = last[last.figure.str.startswith(tuple(given.names) or "")]
+        if not given.names:
+            print("\n".join(offered(last)))
+            return
+        chosen = last if "all" in given.names else last[last.figure.str.startswith((*given.names,))]
         if chosen.empty:
             known = ", ".join(sorted({name.split("/")[0] for name in last.figure}))
-            parser.error(f"expected names that begin with {known}, got {' '.join(given.names)}")
+            parser.error(f"expected all, or what begins with {known}; got {' '.join(given.names)}")
         made = made_again(chosen)
         if not given.write:
             return
+        with RESULTS.open("a") as file:  # the rows before are left as they were, to the byte
+            made.to_csv(file, header=False, index=False, lineterminator="\n")
         rows = pd.concat([rows, made])
-        rows.to_csv(RESULTS, index=False, lineterminator="\n")
     HISTORY.write_text(history(rows))
 
 
