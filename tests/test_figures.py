@@ -1,10 +1,12 @@
 """The figures' scripts: each draws its picture, its PDF and its table, the same every time."""
 
+import json
 import os
 import re
 import shutil
 import subprocess
 import sys
+from hashlib import sha256
 from pathlib import Path
 
 import pandas as pd
@@ -15,8 +17,9 @@ from worlds import ROOT
 from vrchain.errors import OutputError
 from vrchain.experiments.reproduction.results import PROFILES, Results
 from vrchain.paths import FIGURES
+from vrchain.plots import scripts as drawing
 from vrchain.plots.save import save_figure
-from vrchain.plots.scripts import FigureError, figure_names, run_scripts
+from vrchain.plots.scripts import MANIFEST, FigureError, figure_names, run_figures, run_scripts
 from vrchain.plots.style import COLUMN_CM, PAGE_CM, SIDEWAYS_CM
 
 EXPECTED = [
@@ -110,3 +113,35 @@ def test_an_unknown_figure_is_named_with_those_there_are(
     with pytest.raises(FigureError, match=r"common_landmarks, .* got 'tables'"):
         run_scripts(smoke_results, tmp_path / "out", ["table", "tables"])
     assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize("profile", ["quick", "paper"])
+def test_only_figures_of_the_profile_paper_come_beside_their_scripts(
+    profile: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder, beside = tmp_path / "figures", tmp_path / "committed"
+    folder.mkdir()
+    beside.mkdir()
+    (folder / "table.csv").write_text("a\n1\n")
+    monkeypatch.setattr(drawing, "FIGURES", beside)
+    monkeypatch.setattr(drawing, "run_scripts", lambda *words, **more: ["table"])
+    told = run_figures(Results(PROFILES[profile], tmp_path), folder)
+    made = json.loads((folder / MANIFEST).read_text())
+    assert made["command"] == f"vrchain reproduce --profile {profile}"
+    assert made["sha256"] == {"table.csv": sha256(b"a\n1\n").hexdigest()}
+    kept = {path.name for path in beside.iterdir()}
+    assert kept == ({"table.csv", MANIFEST} if profile == "paper" else set())
+    assert ("also in" in told) == (profile == "paper")
+
+
+def test_the_page_of_figures_has_a_row_for_each() -> None:
+    page = (ROOT / "docs/results/figures.md").read_text(encoding="utf-8")
+    rows = re.findall(
+        r"^\| (\w+) \| [^|]* \| \[script\]\(([^)]*)\) \| (.*?) \|", page, re.MULTILINE
+    )
+    assert sorted(name for name, *_ in rows) == EXPECTED
+    for name, script, drawn in rows:
+        beside = f"../../figures/{name}"
+        assert script == f"{beside}.py"
+        assert drawn == f"[picture]({beside}.png), [data]({beside}.csv)"
+    assert "](../../figures/manifest.json)" in page

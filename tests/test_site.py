@@ -51,7 +51,12 @@ def test_what_is_not_made_yet_is_named(site: ModuleType, tmp_path: Path) -> None
     drawn = {path.stem for path in (ROOT / "figures").glob("*.png")}
     scripts = {path.stem for path in (ROOT / "figures").glob("*.py")}
     assert {name.removeprefix("figure ") for name in missing} == scripts - drawn
-    assert "out of sight" in (site.SOURCE / "index.md").read_text()
+    first = (site.SOURCE / "index.md").read_text()
+    assert "out of sight" in first
+    assert len(re.findall("<figure>", first)) == len(scripts - {m.split()[1] for m in missing})
+    links = re.findall(r'href="([^"]*)"', first)
+    assert {"files/paper/table.csv", "files/paper/manifest.json"} <= set(links)
+    assert all((site.SOURCE / link).is_file() for link in links)
 
 
 def test_without_mkdocs_it_is_said_what_to_install(

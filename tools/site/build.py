@@ -159,8 +159,15 @@ def write_gallery(results: Path) -> list[str]:
         copy(drawn[0], f"figures/{name}.png")
         copy(ROOT / "figures" / f"{name}.py", f"files/figures/{name}.py.txt")
         picture = f'<a href="figures/{name}.png"><img src="figures/{name}.png" alt="{name}"></a>'
-        script = f'<a href="files/figures/{name}.py.txt">script</a>'
-        cards.append(f"<figure>{picture}<figcaption>{shows} ({script})</figcaption></figure>")
+        links = [f'<a href="files/figures/{name}.py.txt">script</a>']
+        made = drawn[0].parent
+        of = "paper" if made == ROOT / "figures" else results.name
+        for said, file in (("data", f"{name}.csv"), ("commit", "manifest.json")):
+            if (made / file).is_file():
+                copy(made / file, f"files/{of}/{file}")
+                links.append(f'<a href="files/{of}/{file}">{said}</a>')
+        told = f"{shows} ({', '.join(links)})"
+        cards.append(f"<figure>{picture}<figcaption>{told}</figcaption></figure>")
     first = (ROOT / "README.md").read_text(encoding="utf-8").split("\n\n")[1]
     text = f"# VRChain\n\n{first}\n\n"
     text += "![A mission to a barn behind walls](docs/mission.png)\n\n"
