@@ -3,6 +3,7 @@
 import atexit
 import time
 from contextlib import ExitStack
+from typing import Any
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -37,13 +38,13 @@ def machines(robots: int = 2, seed: int = 0) -> Play:
         start_s = time.monotonic()
         sent = ledgers[robot].publish(robot, made.keys[robot], _PICTURE, "view", time.time_ns())
         try:
+            ledgers[robot].wait(sent, patience_s)
             for ledger in ledgers.values():
-                ledger.wait(sent if ledger is ledgers[robot] else None, patience_s)
                 ledger.wait_until_followed(patience_s)
             took = f"It is in every folder after **{time.monotonic() - start_s:.2f} s**."
         except LedgerError as error:
             took = f"It is **not in the chain** after {patience_s:g} s: {error}."
-        rows = [
+        rows: list[dict[str, Any]] = [
             {
                 "folder of": name,
                 "panoramas": sum(len([*ledger.history(r)]) for r in made.robots),
@@ -53,7 +54,7 @@ def machines(robots: int = 2, seed: int = 0) -> Play:
             for name, ledger in ledgers.items()
         ]
         figure, axes = panels(WIDTH_IN, 2.2)
-        _draw(axes, stopped, pd.DataFrame(rows))
+        _draw(axes, stopped, rows)
         says = f"{robot} publishes with {_SERVERS - stopped} of {_SERVERS} servers. {took}"
         return Shown(says, figure, pd.DataFrame(rows))
 
@@ -80,13 +81,13 @@ def _run(made: Team, stopped: int) -> bool:
     return enough
 
 
-def _draw(axes: Axes, stopped: int, rows: pd.DataFrame) -> None:
-    """Servers above, those that are stopped in grey; below each robot with its blocks."""
+def _draw(axes: Axes, stopped: int, rows: list[dict[str, Any]]) -> None:
+    """Servers above, those that are stopped in grey; below each robot with its panoramas."""
     for k in range(_SERVERS):
         box = {"boxstyle": "square,pad=0.6", "fc": GREY if k < stopped else GREEN, "ec": "none"}
         text = f"server {k + 1}{': stopped' if k < stopped else ''}"
         axes.text(k, 1, text, ha="center", va="center", color="white", fontsize=11, bbox=box)
-    for k, row in enumerate(rows.to_dict("records")):
+    for k, row in enumerate(rows):
         x = (k + 0.5) * _SERVERS / len(rows) - 0.5
         waiting = row["waiting in its outbox"]
         text = f"{row['folder of']}: {row['panoramas']} panoramas, {waiting} waiting"

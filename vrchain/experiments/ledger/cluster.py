@@ -23,6 +23,7 @@ from vrchain.experiments.ledger.child import python
 from vrchain.experiments.ledger.stores import create_ledger
 from vrchain.ledger import Ledger, Offer, SigningKey, Transaction, simulated_key, verify
 from vrchain.ledger.cluster.servers import Cluster
+from vrchain.ledger.errors import UnavailableError
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.log import put
 from vrchain.ledger.network.message import pack_offer
@@ -73,10 +74,18 @@ class Team:
             self.maker.wait()
 
     def open(self, robot: str) -> RobotLedger:
-        """The robot's ledger, in a folder of its own."""
-        opened = open_ledger(self.cluster.address, self.folder / robot, timeout_s=5.0)
-        assert isinstance(opened, RobotLedger)
-        return opened
+        """The robot's ledger, in a folder of its own; servers may choose a leader meanwhile."""
+        until_s = time.monotonic() + _ELECTION_S
+        while True:
+            try:
+                opened = open_ledger(self.cluster.address, self.folder / robot, timeout_s=5.0)
+            except UnavailableError:
+                if time.monotonic() > until_s:
+                    raise
+                time.sleep(0.1)
+            else:
+                assert isinstance(opened, RobotLedger)
+                return opened
 
     def stream(self, first: str = "") -> Stream:
         """A connection of its own to the servers, of which it asks the one named first."""
