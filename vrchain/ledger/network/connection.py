@@ -255,6 +255,8 @@ class Connection(Closing):
             return ClusterError(
                 f"{where} are full ({getattr(error, 'description', '')}): make room"
             )
+        if "duplicate message id is in process" in told:  # an earlier try is not through yet
+            return UnavailableError(f"{where}: the same is being written already")
         if isinstance(error, js.APIError) and getattr(error, "code", 503) not in (503, None):
             return ClusterError(f"{where} refuse: {getattr(error, 'description', error)}")
         if isinstance(error, nats.errors.NoRespondersError | js.NoStreamResponseError):
