@@ -37,7 +37,7 @@ _COMPLAINTS = 20
 _SLACK_S = 5.0  # for the loop's own doings, beyond what an operation may take
 
 # The servers' error codes: https://github.com/nats-io/nats-server, server/errors.json.
-_WRONG_LAST, _NO_STREAM, _NO_CONSUMER = 10071, 10059, 10014
+_WRONG_LAST, _NO_STREAM, _NO_CONSUMER, _IN_PROCESS = 10071, 10059, 10014, 10158
 _FULL = {10023, 10028, 10047, 10077}
 
 T = TypeVar("T")
@@ -255,7 +255,7 @@ class Connection(Closing):
             return ClusterError(
                 f"{where} are full ({getattr(error, 'description', '')}): make room"
             )
-        if "duplicate message id is in process" in told:  # an earlier try is not through yet
+        if code == _IN_PROCESS:  # an earlier try is not through yet
             return UnavailableError(f"{where}: the same is being written already")
         if isinstance(error, js.APIError) and getattr(error, "code", 503) not in (503, None):
             return ClusterError(f"{where} refuse: {getattr(error, 'description', error)}")
