@@ -1,11 +1,13 @@
 from pathlib import Path
 
+import numpy as np
 import pytest
+from suburbs import SMALL
 
 from vrchain.errors import VRChainError
 from vrchain.experiments.scenes import scenes_of, spec_of, suburbs
 from vrchain.paths import SCENES
-from vrchain.world.spec import SceneSpec
+from vrchain.world.spec import SceneSpec, parse_spec
 
 
 def test_suburbs_of_a_seed_are_their_own_and_the_same_again() -> None:
@@ -44,3 +46,18 @@ def test_digests_tell_specs_apart() -> None:
 def test_a_file_that_is_not_there(tmp_path: Path, name: str) -> None:
     with pytest.raises(VRChainError, match=name):
         scenes_of(tmp_path / name).scene(0, 0)
+
+
+def test_another_season_and_light_leave_all_where_it_is() -> None:
+    """What has leaves, and all that the light is baked into, looks different."""
+    summer = suburbs(parse_spec(SMALL))
+    assert summer.at(None, None) is summer
+    winter, evening = summer.at("winter", None), summer.at(None, "evening")
+    assert len({summer.digest, winter.digest, evening.digest}) == 3
+    now, *then = (found.scene(3, 1) for found in (summer, winter, evening))
+    for scene in then:
+        assert [o.name for o in scene.objects] == [o.name for o in now.objects]
+        bounds_m = [np.array([o.bounds_m for o in s.objects]) for s in (now, scene)]
+        np.testing.assert_array_equal(*bounds_m)
+        same = [[f.digest for f in o.surfaces] for o in now.objects]
+        assert same != [[f.digest for f in o.surfaces] for o in scene.objects]

@@ -88,6 +88,21 @@ def navigation(
     no_reputation: Annotated[
         bool, typer.Option("--no-reputation", help="Every robot is believed how it moved.")
     ] = False,
+    rarer: Annotated[
+        float, typer.Option(metavar="F", help="Times the thresholds of the update rules.")
+    ] = 1.0,
+    quiet: Annotated[
+        float, typer.Option(metavar="S", help="So long ago the others have stopped; 0: they go on.")
+    ] = 0.0,
+    season: Annotated[
+        str | None, typer.Option(help="On the others' patrol, and of the goal's pictures.")
+    ] = None,
+    time: Annotated[
+        str | None, typer.Option(help="Of day, then: noon, evening or overcast.")
+    ] = None,
+    goal_rise: Annotated[
+        float, typer.Option(metavar="M", help="How much higher the goal was pictured from.")
+    ] = 0.0,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
@@ -106,7 +121,9 @@ def navigation(
 
     folder = kept_folder(output, "navigation", seed, allow_training_seeds)
     config = MissionConfig(reputation=not no_reputation)
-    conditions = Conditions(patrol, wrong_edges, barred, liars, lie, config)
+    conditions = Conditions(
+        patrol, wrong_edges, barred, liars, lie, rarer, quiet, season, time, goal_rise, config
+    )
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
         to_places=to_places, landmarks=landmarks, conditions=conditions, jobs=jobs,

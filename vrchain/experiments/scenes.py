@@ -7,20 +7,38 @@ from dataclasses import asdict, dataclass, field, replace
 from functools import cache, lru_cache, partial
 from pathlib import Path
 
+from vrchain.errors import SpecError
 from vrchain.paths import scene_file
 from vrchain.seeding import generator
 from vrchain.world import Scene, build_scene, load_scene, load_spec
 from vrchain.world.gazebo import SUFFIXES
-from vrchain.world.spec import SceneSpec
+from vrchain.world.spec import SceneSpec, parse_spec
 
 
 @dataclass(frozen=True)
 class Scenes:
-    """scene: scene k of a seed. digest: what they are made of. varied: whether they differ."""
+    """scene: scene k of a seed. digest: what they are made of. varied: whether they differ.
+
+    spec: of suburbs, their seed aside.
+    """
 
     scene: Callable[[int, int], Scene] = field(compare=False)
     digest: str
     varied: bool = True
+    spec: SceneSpec | None = field(default=None, compare=False)
+
+    def at(self, season: str | None, time: str | None) -> "Scenes":
+        """The same in another season, at another time of day; as they are if None. SpecError."""
+        if season is None and time is None:
+            return self
+        if self.spec is None:
+            raise SpecError("a Gazebo world has no seasons and times of day: take a scene file")
+        then = self.spec
+        if season is not None:
+            then = replace(then, season=parse_spec({"season": season}).season)
+        if time is not None:
+            then = replace(then, light=parse_spec({"light": {"time": time}}).light)
+        return suburbs(then)
 
 
 def scenes_of(path: str | Path) -> Scenes:
@@ -51,7 +69,7 @@ def _known(scenes: Scenes, seed: int, k: int) -> Scene:
 def suburbs(spec: SceneSpec) -> Scenes:
     """Suburbs that differ in their seeds alone."""
     known = json.dumps(asdict(spec), sort_keys=True).encode()
-    return Scenes(partial(_suburb, spec), hashlib.sha256(known).hexdigest())
+    return Scenes(partial(_suburb, spec), hashlib.sha256(known).hexdigest(), spec=spec)
 
 
 def _suburb(spec: SceneSpec, seed: int, k: int) -> Scene:

@@ -3,6 +3,7 @@
 import tempfile
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
 from time import perf_counter
 
@@ -26,6 +27,7 @@ from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import MissionConfig, Published
 from vrchain.panorama import CameraRig
+from vrchain.robot import UpdateRules
 from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.mission import index_of, is_at, published_of
 from vrchain.simulation.patrol import Patrol
@@ -44,7 +46,10 @@ class Conditions:
 
     patrol_s: for how long the others are under way before. wrong_edges: the share of the landmark
     graph's edges that are made wrong; barred: of legs, with an obstacle nobody knows of. liars: how
-    many of the others publish what is not so; lie: in which way (``liars.lie``).
+    many of the others publish what is not so; lie: in which way (``liars.lie``). rarer: how many
+    times the thresholds of the update rules. quiet_s: so long ago the others have stopped, for
+    good; if 0 they go on. season, time: as it was on their patrol, and when the goal was pictured;
+    now, if None. goal_rise_m: how much higher than the robot's the camera was that pictured it.
     """
 
     patrol_s: float = 300.0
@@ -52,6 +57,11 @@ class Conditions:
     barred: float = 0.0
     liars: int = 0
     lie: str = "odometry"
+    rarer: float = 1.0
+    quiet_s: float = 0.0
+    season: str | None = None
+    time: str | None = None
+    goal_rise_m: float = 0.0
     config: MissionConfig = field(default_factory=MissionConfig)
 
     def __post_init__(self) -> None:
@@ -63,8 +73,25 @@ class Conditions:
                 f"expected 0 liars or more and a lie of {', '.join(LIES)}, got {self.liars} and "
                 f"{self.lie}"
             )
-        if not 0 <= self.patrol_s < np.inf:
-            raise MissionError(f"expected seconds of patrol, 0 or more, got {self.patrol_s}")
+        for what, seconds in (("patrol", self.patrol_s), ("silence", self.quiet_s)):
+            if not 0 <= seconds < np.inf:
+                raise MissionError(f"expected seconds of {what}, 0 or more, got {seconds}")
+        if not 0 < self.rarer < np.inf:
+            raise MissionError(f"expected rules so many times rarer, above 0, got {self.rarer}")
+        if not np.isfinite(self.goal_rise_m):
+            raise MissionError(f"expected metres of rise, got {self.goal_rise_m}")
+
+    @property
+    def rules(self) -> UpdateRules:
+        """When robots publish."""
+        usual = asdict(UpdateRules())
+        return UpdateRules(**{name: self.rarer * value for name, value in usual.items()})
+
+
+@lru_cache(maxsize=1)
+def _renderer(scenes: Scenes, seed: int, k: int) -> Renderer:
+    """Of the one at work."""
+    return Renderer(scenes.scene(seed, k))
 
 
 class Suburb:
@@ -74,13 +101,20 @@ class Suburb:
         self.scene, self.seed, self.k, self.rig = scenes.scene(seed, k), seed, k, rig
         self.truth, self.renderer = GroundTruth(self.scene), Renderer(self.scene)
         self.ground = Ground(self.scene, self.truth, rig)
+        self._scenes = scenes
+
+    def _before(self, conditions: Conditions) -> Renderer:
+        """Draws the scene as it was on the others' patrol."""
+        scenes = self._scenes.at(conditions.season, conditions.time)
+        return self.renderer if scenes is self._scenes else _renderer(scenes, self.seed, self.k)
 
     def drive(self, mission: Mission, arm: str, conditions: Conditions) -> dict[str, object]:
         """Drive a mission by one arm: a row of ``success.evaluate``'s table, and its log."""
         start = perf_counter()
         number = self.seed * 100_003 + self.k * 1009 + mission.number
         simulator = Simulator(self.scene, mission.poses, seed=number, rig=self.rig)
-        simulator.truth, simulator.renderer = self.truth, self.renderer
+        before = self._before(conditions)
+        simulator.truth, simulator.renderer = self.truth, before
         robot, *others = mission.poses
         members = {name: simulated_key(number, name).public for name in mission.poses}
         operator = simulated_key(number, "operator")
@@ -99,12 +133,16 @@ class Suburb:
             goal: KnownGoal
             if mission.goal == PLACE:
                 (place,) = mission.goal_poses
-                shown = self.renderer.render(place, self.rig).encode()
+                shown = before.render(place, self.rig).encode()
                 taken[digest(shown)] = place
                 look = perception.stored(shown, None)
                 goal = oracle.place(look, perception) if oracle else GoalPlace(look, perception)
             else:
-                goal = oracle.goal(mission.goal) if oracle else self._goal(mission)
+                goal = (
+                    oracle.goal(mission.goal)
+                    if oracle
+                    else self._goal(mission, before, conditions.goal_rise_m)
+                )
             # among panoramas: the goal is as it was shown
             perception = misled(perception, conditions.wrong_edges, number)
             record = oracle.record if oracle else perception.record
@@ -112,13 +150,18 @@ class Suburb:
                 name: lie(conditions.lie, simulator, name, number)
                 for name in others[: conditions.liars]
             }
-            robots = assemble(simulator, ledger, number, examine=record, told=told)
+            rules = conditions.rules
+            robots = assemble(simulator, ledger, number, rules, examine=record, told=told)
             if arm != "alone":
                 for name in others:
                     robots[name].observe(look=True)
                 patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
                 patrol.drive(conditions.patrol_s)
-                robots[robot].body.others = patrol.drives
+                if conditions.quiet_s > 0:
+                    simulator.step({}, conditions.quiet_s)
+                else:
+                    robots[robot].body.others = patrol.drives
+            simulator.renderer = self.renderer
             wire = Wire(ledger)
             index = index_of(ledger, perception, wire.read)
             known = published_of(ledger, robot, REMEMBERED)
@@ -140,9 +183,10 @@ class Suburb:
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
         return {**row, **sent, "barred": bars.rows, **costs}
 
-    def _goal(self, mission: Mission) -> GoalPictures:
+    def _goal(self, mission: Mission, before: Renderer, rise_m: float) -> GoalPictures:
         poses = mission.goal_poses
-        pictures = goal_pictures(self.scene, self.renderer, mission.goal, poses, self.rig)
+        rig = replace(self.rig, camera_height_m=self.rig.camera_height_m + rise_m)
+        pictures = goal_pictures(self.scene, before, mission.goal, poses, rig)
         return goal_from(pictures, share=self._share(mission))
 
     def _share(self, mission: Mission) -> float:

@@ -1,0 +1,124 @@
+"""What missions are driven under: an old or thin ledger, another season, a raised goal."""
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from blind import blind
+from hamlet import the_hamlet
+from sights import RIG
+
+from vrchain.errors import VRChainError
+from vrchain.experiments.missions import draw, drive
+from vrchain.experiments.missions.drive import Conditions
+from vrchain.experiments.missions.success import evaluate
+from vrchain.experiments.scenes import Scenes
+from vrchain.navigation.settings import MissionConfig
+from vrchain.panorama import CameraRig
+from vrchain.world.render import Renderer
+from vrchain.world.spec import SceneSpec
+
+HAMLET = Scenes(the_hamlet, "hamlet", varied=False, spec=SceneSpec())
+PATROL_S, MISSION_S = 20.0, 12.0
+
+
+class Drawn(Renderer):
+    """Notes what it draws: the height of the camera, and of whom it is a view."""
+
+    def __init__(self) -> None:
+        super().__init__(the_hamlet(0, 0))
+        self.rigs: list[CameraRig] = []
+
+    def render(self, pose: Any, rig: CameraRig, *rest: Any, **options: Any) -> Any:
+        self.rigs.append(rig)
+        return super().render(pose, rig, *rest, **options)
+
+
+def driven(
+    folder: Path, monkeypatch: pytest.MonkeyPatch, **given: Any
+) -> tuple[int, list[np.ndarray], Drawn, Drawn]:
+    """Transactions of the others, all paths after the patrol, and what was drawn then and now."""
+    simulators, then, now = [], Drawn(), Drawn()
+
+    def simulator(*args: Any, **options: Any) -> Any:
+        simulators.append(Simulator(*args, **options))
+        return simulators[-1]
+
+    Simulator = drive.Simulator
+    monkeypatch.setattr(draw, "WAY_M", (12.0, 60.0))
+    with monkeypatch.context() as patched:
+        patched.setattr(drive, "Simulator", simulator)
+        patched.setattr(drive, "Renderer", lambda scene: now)
+        patched.setattr(drive, "_renderer", lambda scenes, seed, k: then)
+        patched.setattr(drive, "learned_perception", blind)
+        nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+        patched.setattr(drive, "goal_from", lambda pictures, share: nowhere)
+        conditions = Conditions(PATROL_S, config=MissionConfig(limit_s=MISSION_S), **given)
+        table, _ = evaluate(
+            HAMLET, 1, 4, ["ledger"], seed=3, folder=folder, rig=RIG, conditions=conditions
+        )
+    (world,) = simulators
+    set_out = PATROL_S + given.get("quiet_s", 0.0)
+    paths_m = [world.path_xy_m(name)[world.times_s > set_out] for name in world.robots]
+    assert table.seconds_simulated.between(MISSION_S, MISSION_S + 1).all()
+    return int(table.published[0]), paths_m, then, now
+
+
+def test_who_has_stopped_stands_and_says_nothing_more(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    going, paths_m, *_ = driven(tmp_path / "a", monkeypatch)
+    quiet, stood_m, *_ = driven(tmp_path / "b", monkeypatch, quiet_s=3600.0)
+    moved = [[np.ptp(path_m, axis=0).max() > 1.0 for path_m in p] for p in (paths_m, stood_m)]
+    assert moved == [[True] * 4, [True, False, False, False]]
+    assert quiet == 3 < going
+
+
+def test_rarer_rules_publish_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    often, rarely = (
+        driven(tmp_path / f"{rarer}", monkeypatch, rarer=rarer)[0] for rarer in (1.0, 50.0)
+    )
+    assert rarely == 3 < often  # each as it started
+
+
+def test_the_ledger_and_the_goal_are_of_another_season_and_what_is_seen_is_of_today(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    *_, then, now = driven(tmp_path / "a", monkeypatch, season="winter", quiet_s=1.0)
+    views = sorted(rig.n_views for rig in then.rigs)
+    assert views == [1] * 4 + [RIG.n_views] * 3  # the goal's, and those of the others' patrol
+    assert now.rigs and all(rig == RIG for rig in now.rigs)
+    *_, then, now = driven(tmp_path / "b", monkeypatch)
+    assert not then.rigs and len(now.rigs) > 4
+
+
+def test_a_goal_is_pictured_from_higher(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    *_, now = driven(tmp_path, monkeypatch, goal_rise_m=0.5)
+    raised = [rig for rig in now.rigs if rig.camera_height_m == RIG.camera_height_m + 0.5]
+    assert len(raised) == 4 and all(rig.n_views == 1 for rig in raised)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ({"rarer": 0.0}, "above 0, got 0.0"),
+        ({"rarer": np.inf}, "above 0, got inf"),
+        ({"quiet_s": -1.0}, "seconds of silence, 0 or more, got -1.0"),
+        ({"goal_rise_m": np.nan}, "metres of rise, got nan"),
+        ({"goal_rise_m": -1.5}, "camera_height_m"),
+        ({"season": "monsoon"}, "season: expected one of summer, .*got 'monsoon'"),
+        ({"time": "night"}, "light.time: expected one of noon, .*got 'night'"),
+    ],
+)
+def test_conditions_that_cannot_be(given: dict[str, Any], told: str, tmp_path: Path) -> None:
+    with pytest.raises(VRChainError, match=told):
+        evaluate(HAMLET, 1, 4, seed=3, folder=tmp_path, rig=RIG, conditions=Conditions(**given))
+    assert not any(tmp_path.iterdir())
+
+
+def test_a_gazebo_world_has_one_season(tmp_path: Path) -> None:
+    world = Scenes(the_hamlet, "hamlet", varied=False)
+    with pytest.raises(VRChainError, match="Gazebo world has no seasons"):
+        evaluate(world, 1, 4, seed=3, folder=tmp_path, conditions=Conditions(season="winter"))
