@@ -45,15 +45,15 @@ def who_notices(folder: Path, tamper: Tamper) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=["who", "says"])
 
 
-def change_panorama(folder: Path, blob: bytes) -> None:
-    """Turn over one bit in the middle of a stored blob. NotFoundError where none is."""
-    path = _blob(folder, blob)
+def change_panorama(folder: Path, robot: str) -> None:
+    """Turn over one bit in the middle of a robot's newest panorama. NotFoundError: it has none."""
+    path = _newest(folder, robot)
     path.write_bytes(_changed(path.read_bytes()))
 
 
-def remove_panorama(folder: Path, blob: bytes) -> None:
-    """Delete a stored blob. NotFoundError where none is."""
-    _blob(folder, blob).unlink()
+def remove_panorama(folder: Path, robot: str) -> None:
+    """Delete a robot's newest panorama. NotFoundError where it has none."""
+    _newest(folder, robot).unlink()
 
 
 def change_record(folder: Path, height: int) -> None:
@@ -119,7 +119,7 @@ def change_byte(folder: Path, name: str, at: int, bit: int = 0) -> None:
         )
     changed[at] ^= 1 << bit
     if part.blob is not None:
-        _blob(folder, part.blob).write_bytes(changed)
+        (folder / BLOBS_NAME / part.blob.hex()).write_bytes(changed)
         return
     with closing(_database(folder)) as db:
         if part.position is None:
@@ -164,11 +164,14 @@ def _check_height(db: sqlite3.Connection, height: int) -> None:
         raise NotFoundError(f"expected the height of a block, 0 to {last}, got {height}")
 
 
-def _blob(folder: Path, blob: bytes) -> Path:
-    path = folder / BLOBS_NAME / blob.hex()
-    if not path.is_file():
-        raise NotFoundError(f"expected the digest of a stored blob, got {blob.hex()}")
-    return path
+def _newest(folder: Path, robot: str) -> Path:
+    with Ledger.open(folder) as ledger:
+        seen = [name for name in ledger.robots if ledger.latest(name) is not None]
+        if robot not in seen:
+            raise NotFoundError(f"expected a robot with a panorama: {', '.join(seen)}, got {robot}")
+        transaction = ledger.latest(robot)
+    assert transaction is not None
+    return folder / BLOBS_NAME / transaction.payload_digest.hex()
 
 
 def _changed(data: bytes) -> bytes:
