@@ -26,7 +26,8 @@ class Standing:
     config, looks = CONFIG, ()
 
     def __init__(self, here: Pose = HERE, ahead_m: float = 8.0) -> None:
-        self.here, self.now, self.met_m = here, SimpleNamespace(time_ns=0), ahead_m
+        self.here, self.met_m = here, ahead_m
+        self.now = SimpleNamespace(time_ns=0, range_ring_m=np.full(72, ahead_m))
 
     def look_around(self) -> Any:
         return None
@@ -305,6 +306,25 @@ def test_a_goal_that_was_surely_seen_may_be_nearer_than_it_is_believed(
     assert seen.is_sure(CONFIG) == sure
     believed = replace(seen, place=Estimate(seen.place.xy_m, std_m**2 * np.eye(2)))
     assert ours._felt(believed).place.xy_m == pytest.approx([side_x_m, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("y_m", "met_m", "matches", "touches"),
+    [(3.5, 0.6, 60, True), (3.5, 0.6, 12, False), (3.5, 2.0, 60, False), (9.5, 0.6, 60, False)],
+)
+def test_round_its_corner_what_is_touched_is_the_goal(
+    y_m: float, met_m: float, matches: int, touches: bool
+) -> None:
+    """As it was met: 0.6 m from its goal's wall a robot drove round it for 80 s.
+
+    It had seen the side round the corner, and its own wall stood before where that should be. Not
+    if that was not surely the goal, if nothing is near, or if what is near stands beside it.
+    """
+    ours = arrival(Standing(Pose(8.0, y_m), met_m))
+    met = ours._touched(at(5.0, (0.0, sight_of(5.0, matches))))
+    assert (met is not None) == touches
+    if met is not None:
+        assert np.hypot(*(met - [8.0, y_m])) == pytest.approx(met_m)
 
 
 class BesideAWall(Standing):

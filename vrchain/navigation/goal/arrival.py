@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.driving.obstacles import REACH_M
 from vrchain.navigation.goal.candidates import (
@@ -19,6 +20,7 @@ from vrchain.navigation.goal.candidates import (
     Candidates,
     at_odds,
 )
+from vrchain.robot import UNSEEN_M, beams_rad
 
 _ASTRAY = 4.0  # standard deviations beyond which a glance did not show what is driven to
 NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
@@ -122,7 +124,7 @@ class Arrival(Candidates):
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
             before, behind = self.pilot.here, replace(candidate, place=_about(there))
-            candidate = self._close_in(behind)
+            candidate = self._close_in(behind, behind=True)
             if self.pilot.here.distance_to_m(before.xy_m) < _HEADWAY_M:
                 return behind  # from another side, then
         return candidate
@@ -145,8 +147,11 @@ class Arrival(Candidates):
         at = any(self._is_at(place, _NEARLY_M) for place in places)
         return at and self._behind_this(candidate) is None
 
-    def _close_in(self, candidate: Candidate) -> Candidate:
-        """Drive up to its side, with a glance every few metres, unless it turns out to be none."""
+    def _close_in(self, candidate: Candidate, behind: bool = False) -> Candidate:
+        """Drive up to its side, with a glance every few metres, unless it turns out to be none.
+
+        behind: it is behind what the robot touches.
+        """
         pilot, config = self.pilot, self.pilot.config
         glanced_m, looked_m = config.glance_every_m, 0.0
         until_ns = pilot.until_ns(candidate.place)
@@ -160,6 +165,9 @@ class Arrival(Candidates):
                 candidate = self._seen_from_afar(candidate)
             if candidate.against >= _AGAINST and not self._is_likely(candidate):
                 break
+            touched = None if behind else self._touched(candidate)
+            if touched is not None:
+                return replace(candidate, place=Estimate(touched, candidate.place.covariance))
             candidate = self._felt(candidate)
             way_m = pilot.stretch(candidate.place.xy_m, 1.0, 0.5)
             if way_m is None:
@@ -210,12 +218,32 @@ class Arrival(Candidates):
                     break
             yield _about(middle + half_m * outward)
 
-    def _middle(self, candidate: Candidate) -> tuple[Array, float]:
-        """Where its middle is, about, (2,), and how far from its sides."""
-        away = candidate.place.xy_m - self.pilot.here.xy_m
+    def _middle(self, candidate: Candidate, stood: Pose | None = None) -> tuple[Array, float]:
+        """Where its middle is, about, (2,), and how far from its sides, as seen from here."""
+        away = candidate.place.xy_m - (stood or self.pilot.here).xy_m
         config = self.pilot.config
         half_m = max(config.share * _HALF_M, candidate.width_m(config) / 2)
         return candidate.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1), half_m
+
+    def _touched(self, candidate: Candidate) -> Array | None:
+        """What the robot touches of where a goal stands that was surely seen, (2,), or None.
+
+        Who comes round its corner has another side before it than the one that was seen.
+        """
+        pilot = self.pilot
+        if not candidate.is_sure(pilot.config):
+            return None
+        stood, sight = candidate.sights[-1]
+        middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
+        ring = pilot.now.range_ring_m
+        beams = beams_rad(len(ring))
+        towards = np.abs(wrap_angle_rad(beams - _about(middle).bearing_rad(pilot.here)))
+        seen = (towards <= _BESIDE_RAD) & (ring > UNSEEN_M)
+        nearest = int(np.where(seen, ring, np.inf).argmin())
+        met = sighted(pilot.here, float(beams[nearest]), float(ring[nearest])).xy_m
+        within_m = half_m + _FELT_STD * sight.place(stood).std_m
+        of_it = float(np.hypot(*(met - middle))) <= within_m
+        return met if of_it and ring[nearest] <= _TOUCH_M else None
 
     def _is_at(self, place: Estimate, reach_m: float) -> bool:
         """Whether the goal's side is within reach, and something is there."""
