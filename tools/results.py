@@ -7,7 +7,7 @@ it, and where in that command's JSON it is (nothing: it is read by hand). Rows a
     python tools/results.py                  # what can be made again, and by which command
     python tools/results.py missions         # the newest of these anew: did any move?
     python tools/results.py missions --write # and add what came
-    python tools/results.py --history        # write docs/results/history.md
+    python tools/results.py --history        # write docs/results/history.md and conditions.png
 
 ``all`` names all of them, which takes days: so nothing is run that is not named.
 """
@@ -23,9 +23,15 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from matplotlib.figure import Figure
+
+from vrchain.plots.save import png_bytes
+from vrchain.plots.style import BLUE, panels
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, HISTORY = ROOT / "figures/results.csv", ROOT / "docs/results/history.md"
+CONDITIONS = ROOT / "docs/results/conditions.png"
+_UNDER = "missions under "  # so begins a figure of missions under a condition
 _KEY = {
     "missions/success": "missions that arrive",
     "missions/spl_chain": "their spl_chain",
@@ -130,6 +136,27 @@ def history(rows: pd.DataFrame) -> str:
     return "\n".join(lines) + "\n"
 
 
+def conditions(rows: pd.DataFrame) -> Figure:
+    """Success and spl_chain of missions under each condition, as it was measured last."""
+    under = newest(rows[rows.figure.str.startswith(_UNDER)])
+    told = under.figure.str.removeprefix(_UNDER).str.rsplit("/", n=1, expand=True)
+    under = under.assign(condition=told[0], what=told[1])
+    names = list(under.condition.unique()[::-1])
+    figure, axes = panels(10, 0.36 * len(names) + 1.2, 1, 2, sharey=True)
+    titles = {"success": "share that arrives", "spl_chain": "spl_chain: how direct, 1 is best"}
+    for panel, (what, title) in zip(axes, titles.items(), strict=True):
+        own = under[under.what == what].set_index("condition").loc[names]
+        value, low, high = (own[end].astype(float) for end in ("value", "low", "high"))
+        panel.errorbar(value, range(len(names)), xerr=[value - low, high - value], fmt="o",
+                       color=BLUE, capsize=3)  # fmt: skip
+        panel.set(title=title, xlim=(-0.02, 1.02))
+        panel.grid(axis="x", alpha=0.4)
+        counted = [f"{name} ({n})" for name, n in zip(names, own["n"], strict=True)]
+        panel.set_yticks(range(len(names)), counted)
+    figure.suptitle("Missions under each condition (how many were driven; bars: 95 %)")
+    return figure
+
+
 def _git(*words: str) -> str:
     return subprocess.check_output(["git", "-C", str(ROOT), *words], text=True).strip()
 
@@ -158,6 +185,7 @@ def main(words: Sequence[str] | None = None) -> None:
             made.to_csv(file, header=False, index=False, lineterminator="\n")
         rows = pd.concat([rows, made])
     HISTORY.write_text(history(rows))
+    CONDITIONS.write_bytes(png_bytes(conditions(rows)))
 
 
 if __name__ == "__main__":

@@ -88,6 +88,9 @@ def navigation(
     no_reputation: Annotated[
         bool, typer.Option("--no-reputation", help="Every robot is believed how it moved.")
     ] = False,
+    keep: Annotated[
+        int, typer.Option(min=1, help="Newest panoramas of each robot that are planned by.")
+    ] = 40,
     rarer: Annotated[
         float, typer.Option(metavar="F", help="Times the thresholds of the update rules.")
     ] = 1.0,
@@ -122,7 +125,7 @@ def navigation(
     folder = kept_folder(output, "navigation", seed, allow_training_seeds)
     config = MissionConfig(reputation=not no_reputation)
     conditions = Conditions(
-        patrol, wrong_edges, barred, liars, lie, rarer, quiet, season, time, goal_rise, config
+        patrol, wrong_edges, barred, liars, lie, keep, rarer, quiet, season, time, goal_rise, config
     )
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,

@@ -76,6 +76,20 @@ def test_who_has_stopped_stands_and_says_nothing_more(
     assert quiet == 3 < going
 
 
+def test_what_was_not_kept_is_not_planned_by(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    published_of, known = drive.published_of, list[set[str]]()
+
+    def spied(*asked: Any) -> Any:
+        published = published_of(*asked)
+        return lambda: known.append(set(published())) or published()
+
+    monkeypatch.setattr(drive, "published_of", spied)
+    driven(tmp_path, monkeypatch, keep=1)
+    assert known and all(names <= {"R2", "R3", "R4"} for names in known)
+
+
 def test_rarer_rules_publish_less(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     often, rarely = (
         driven(tmp_path / f"{rarer}", monkeypatch, rarer=rarer)[0] for rarer in (1.0, 50.0)
@@ -103,6 +117,7 @@ def test_a_goal_is_pictured_from_higher(tmp_path: Path, monkeypatch: pytest.Monk
 @pytest.mark.parametrize(
     ("given", "told"),
     [
+        ({"keep": 0}, "1 panorama of each robot or more, got 0"),
         ({"rarer": 0.0}, "above 0, got 0.0"),
         ({"rarer": np.inf}, "above 0, got inf"),
         ({"quiet_s": -1.0}, "seconds of silence, 0 or more, got -1.0"),

@@ -46,7 +46,8 @@ class Conditions:
 
     patrol_s: for how long the others are under way before. wrong_edges: the share of the landmark
     graph's edges that are made wrong; barred: of legs, with an obstacle nobody knows of. liars: how
-    many of the others publish what is not so; lie: in which way (``liars.lie``). rarer: how many
+    many of the others publish what is not so; lie: in which way (``liars.lie``). keep: how many
+    panoramas of each robot are planned by, the newest, as if no others were kept. rarer: how many
     times the thresholds of the update rules. quiet_s: so long ago the others have stopped, for
     good; if 0 they go on. season, time: as it was on their patrol, and when the goal was pictured;
     now, if None. goal_rise_m: how much higher than the robot's the camera was that pictured it.
@@ -57,6 +58,7 @@ class Conditions:
     barred: float = 0.0
     liars: int = 0
     lie: str = "odometry"
+    keep: int = REMEMBERED
     rarer: float = 1.0
     quiet_s: float = 0.0
     season: str | None = None
@@ -76,6 +78,10 @@ class Conditions:
         for what, seconds in (("patrol", self.patrol_s), ("silence", self.quiet_s)):
             if not 0 <= seconds < np.inf:
                 raise MissionError(f"expected seconds of {what}, 0 or more, got {seconds}")
+        if self.keep < 1:
+            raise MissionError(
+                f"expected to keep 1 panorama of each robot or more, got {self.keep}"
+            )
         if not 0 < self.rarer < np.inf:
             raise MissionError(f"expected rules so many times rarer, above 0, got {self.rarer}")
         if not np.isfinite(self.goal_rise_m):
@@ -164,7 +170,7 @@ class Suburb:
             simulator.renderer = self.renderer
             wire = Wire(ledger)
             index = index_of(ledger, perception, wire.read)
-            known = published_of(ledger, robot, REMEMBERED)
+            known = published_of(ledger, robot, conditions.keep)
 
             def published() -> Mapping[str, Published]:
                 for p in (p for name in others for p in robots[name].publications):

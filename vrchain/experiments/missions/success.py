@@ -32,7 +32,7 @@ from vrchain.errors import MissionError
 from vrchain.experiments.intervals import Bootstrap, ratio, table_of
 from vrchain.experiments.kept import folder_of, kept
 from vrchain.experiments.missions.draw import Mission
-from vrchain.experiments.missions.drive import REMEMBERED, Conditions, Suburb
+from vrchain.experiments.missions.drive import Conditions, Suburb
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import name_of
@@ -82,7 +82,7 @@ def evaluate(
     scenes.at(conditions.season, conditions.time)  # refused before anything is driven, as is
     replace(rig, camera_height_m=rig.camera_height_m + conditions.goal_rise_m)
     drawn = folder_of(folder, scenes, n_robots, seed, asdict(rig), to_places, landmarks)
-    driven = drawn / name_of([drawn.name, asdict(conditions), maker_of(), REMEMBERED])
+    driven = drawn / name_of([drawn.name, asdict(conditions), maker_of()])
     asked = _Evaluation(
         scenes, n_robots, arms, seed, rig, to_places, landmarks, conditions, drawn, driven
     )
