@@ -195,6 +195,21 @@ def test_nothing_is_run_that_is_not_named(
     assert len(told) == tool.newest(tool.reported()).command.nunique()
 
 
+def test_each_condition_is_a_point_with_its_interval(tool: ModuleType) -> None:
+    rows = tool.newest(tool.reported())
+    under = rows[rows.figure.str.match("missions under .*/success")][::-1]
+    panel = tool.conditions(tool.reported()).axes[0]
+    names = [text.get_text() for text in panel.get_yticklabels()]
+    assert [name.rpartition(" (")[0] for name in names] == [
+        figure.removeprefix("missions under ").removesuffix("/success") for figure in under.figure
+    ]
+    points = panel.lines[0].get_xdata()
+    assert list(points) == list(under.value.astype(float)) and len(points) >= 5
+    ends = panel.collections[0].get_segments()
+    told = under[["low", "high"]].astype(float).to_numpy()
+    assert [[a[0], b[0]] for a, b in ends] == pytest.approx(told)
+
+
 def test_what_came_is_added_and_the_rows_before_are_left_as_they_were(
     tool: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -202,6 +217,7 @@ def test_what_came_is_added_and_the_rows_before_are_left_as_they_were(
     monkeypatch.setattr(tool, "RESULTS", tmp_path / "results.csv")
     tool.RESULTS.write_text(before)
     monkeypatch.setattr(tool, "HISTORY", tmp_path / "history.md")
+    monkeypatch.setattr(tool, "CONDITIONS", tmp_path / "conditions.png")
     monkeypatch.setattr(tool, "made_again", lambda rows: came.append(rows) or rows.tail(1))
     tool.main(["homing", "--write"])
     assert set(came[0].figure.str.partition("/")[0]) == {"homing"}

@@ -151,8 +151,8 @@ def conditions(rows: pd.DataFrame) -> Figure:
                        color=BLUE, capsize=3)  # fmt: skip
         panel.set(title=title, xlim=(-0.02, 1.02))
         panel.grid(axis="x", alpha=0.4)
-        counted = [f"{name} ({n})" for name, n in zip(names, own["n"], strict=True)]
-        panel.set_yticks(range(len(names)), counted)
+    driven = under[under.what == "success"].set_index("condition").loc[names, "n"]
+    axes[0].set_yticks(range(len(names)), [f"{name} ({n})" for name, n in driven.items()])
     figure.suptitle("Missions under each condition (how many were driven; bars: 95 %)")
     return figure
 
