@@ -20,6 +20,7 @@ from vrchain.experiments.missions.success import (
     MEANS,
     as_table,
     evaluate,
+    looking_s,
     routes_of,
     routes_table,
     summarise,
@@ -142,7 +143,7 @@ def row(number: int, arm: str, success: bool, arrived: bool | None = None) -> di
         "range_m": 1.0, "driven_m": 100.0, "way_m": 50.0, "chain": number % 3,
         "chain_way_m": 60.0 if number % 3 else None, "collisions": 0, "replans": 1, "legs": 2,
         "to_landmarks": 1, "barred": 3, "published": 80, "ledger_mb": 90.0,
-        "broadcast_mb": 400.0, "seconds_simulated": 200.0, "wall_s": 30.0,
+        "broadcast_mb": 400.0, "seconds_simulated": 200.0, "wall_s": 30.0, "seconds_looking": 40.0,
         "clock_s": 500.0,
         "routes": [(0.6, False), (0.9, True)],
     }  # fmt: skip
@@ -168,7 +169,7 @@ def test_the_figures_of_made_up_missions() -> None:
     assert ledger["rejected_draws"] == {"way too long": 12}
     assert [ledger[name] for name in MEANS[:7]] == [1, 2, 1, 3, 80, 90, 400]
     assert ledger["success_150_s_ci"] == pytest.approx([0.0, 0.459], abs=1e-3)  # exact: 0 of 6
-    assert ledger["seconds_simulated"] == 200
+    assert (ledger["seconds_simulated"], ledger["seconds_looking"]) == (200, 40)
     assert ledger["wall_s_per_300_s"] == pytest.approx(18.0)
     assert [(r["n"], r["led_there"]) for r in ledger["routes"]] == [
         (0, None), (6, 0.0), (6, 1.0), (0, None),
@@ -191,6 +192,12 @@ def test_what_came_of_routes_is_read_from_the_log() -> None:
     refuted = ("route", "doubt", "plan again")
     assert routes_of(log(*refuted, "route", "approach"), False) == []  # not driven; broken off
     assert routes_of(log(*refuted, "route", "approach", "gave up"), False) == [(0.3, False)]
+
+
+def test_how_long_a_robot_looked_elsewhere_is_read_from_the_log() -> None:
+    said = {300: "no route", 300.5: "explore", 320: "route", 350: "no route", 360: "gave up"}
+    assert looking_s([{"time_s": t, "what": what} for t, what in said.items()]) == 30.0
+    assert looking_s([]) == 0.0
 
 
 def test_without_any_chain_what_is_given_a_chain_is_null() -> None:

@@ -45,7 +45,7 @@ SUBURBS = 10  # of a hundred missions
 SOON_S = (150, 300)
 MEANS = (
     "replans", "legs", "to_landmarks", "barred", "published", "ledger_mb", "broadcast_mb",
-    "seconds_simulated", "wall_s",
+    "seconds_simulated", "seconds_looking", "wall_s",
 )  # fmt: skip
 _TRUST = (0.0, 0.5, 0.8, 0.95, 1.0)  # in routes: between two of these they are counted together
 
@@ -93,7 +93,8 @@ def evaluate(
     rows = []
     for number, arm in product(range(n_missions), arms):
         row = json.loads(asked.row_file(number, arm).read_text())
-        row["routes"] = routes_of(row.pop("log"), row["success"])
+        log = row.pop("log")
+        row["routes"], row["seconds_looking"] = routes_of(log, row["success"]), looking_s(log)
         rows.append({"suburb": asked.k(number) if scenes.varied else number, **row})
     return pd.DataFrame(rows), [asked.mission(number) for number in range(n_missions)]
 
@@ -170,6 +171,16 @@ def routes_of(log: Sequence[Mapping[str, Any]], success: bool) -> list[tuple[flo
             found += [(trust, success and what == "arrived")] if driven else []
             trust = None
     return found
+
+
+def looking_s(log: Sequence[Mapping[str, Any]]) -> float:
+    """For how long a robot drove about to look, since no route was worth driving."""
+    spent = (
+        float(after["time_s"] - before["time_s"])
+        for before, after in pairwise(log)
+        if before["what"] in ("no route", "explore")
+    )
+    return sum(spent, 0.0)
 
 
 def summarise(table: pd.DataFrame, missions: Sequence[Mission]) -> dict[str, dict[str, object]]:
