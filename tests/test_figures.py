@@ -55,6 +55,20 @@ def test_a_figure_is_drawn_with_its_pdf_and_its_table(
     assert len(table) > 0
 
 
+def test_a_script_alone_runs_the_stages_that_it_needs_and_no_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As in a fresh clone, where there are no results; what cannot be run is told in a line."""
+    results = Results(PROFILES["smoke"], tmp_path)
+    monkeypatch.setattr(Results, "here", lambda: results)
+    script = shutil.copy(FIGURES / "ledger.py", tmp_path)
+    drawing.run_script(script, drawing.draw_of("ledger"))
+    assert sorted(p.name for p in results.folder.iterdir()) == ["survey"]
+    assert (tmp_path / "ledger.png").exists() and "wrote ledger.png" in capsys.readouterr().out
+    with pytest.raises(SystemExit, match=r"^ledger.py: expected a table of survey, .*, got 'x'"):
+        drawing.run_script(script, lambda results: results.table("survey", "x"))
+
+
 @pytest.mark.parametrize(
     "names", [["ledger", "table"], pytest.param(QUICKLY_DRAWN, marks=pytest.mark.slow)]
 )

@@ -20,7 +20,8 @@ from matplotlib.figure import Figure
 
 from vrchain.allocator import keep_freed_memory
 from vrchain.errors import VRChainError
-from vrchain.experiments.reproduction.results import Results
+from vrchain.experiments.reproduction.results import NotRunError, Results
+from vrchain.experiments.reproduction.stages import NEEDS, reproduce
 from vrchain.experiments.workers import each
 from vrchain.paths import FIGURES, INSTALLED
 from vrchain.plots.save import save_figure
@@ -57,12 +58,27 @@ def check_names(names: Sequence[str], scripts: Path = FIGURES) -> None:
 
 
 def run_script(script: str, draw: Draw) -> None:
-    """What a script does when it is run by itself; see ``Results.here`` for the profile."""
+    """What a script does when it is run by itself; see ``Results.here`` for the profile.
+
+    Stages of the reproduction whose results it asks for, and that were not run, are run first.
+    """
     keep_freed_memory()
     path = Path(script)
-    figure, table = draw(Results.here())
+    try:
+        figure, table = _drawn(draw, Results.here())
+    except VRChainError as error:
+        raise SystemExit(f"{path.name}: {error}") from None
     save_figure(figure, table, path.resolve().with_suffix(""))
     print(f"wrote {path.stem}.png, .pdf, .csv beside {path}")
+
+
+def _drawn(draw: Draw, results: Results) -> Drawn:
+    while True:
+        try:
+            return draw(results)
+        except NotRunError as missing:
+            needed = {*NEEDS.get(missing.stage, ()), missing.stage}
+            reproduce(results, [stage for stage in sorted(needed) if not results.has(stage)])
 
 
 def run_scripts(

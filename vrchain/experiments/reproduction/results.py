@@ -32,6 +32,14 @@ class ReproductionError(VRChainError):
     """No such profile or stage, or the results that a stage goes on from are missing."""
 
 
+class NotRunError(ReproductionError):
+    """There are no results of a stage."""
+
+    def __init__(self, told: str, stage: str) -> None:
+        super().__init__(told)
+        self.stage = stage
+
+
 @dataclass(frozen=True)
 class Profile:
     """How large a reproduction is."""
@@ -118,11 +126,12 @@ class Results:
         return made if isinstance(made, dict) else {}
 
     def path(self, stage: str, name: str) -> Path:
-        """A file or folder of a stage; ReproductionError if the stage has not been run."""
+        """A file or folder of a stage; NotRunError if the stage has not been run."""
         if not self.has(stage):
-            raise ReproductionError(
+            raise NotRunError(
                 f"{self.folder / stage} holds no results of this version: "
-                f"run `vrchain reproduce --profile {self.profile.name} --only {stage}` first"
+                f"run `vrchain reproduce --profile {self.profile.name} --only {stage}` first",
+                stage,
             )
         return self.folder / stage / name
 
