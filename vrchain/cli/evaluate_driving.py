@@ -125,8 +125,9 @@ def navigation(
     folder = kept_folder(output, "navigation", seed, allow_training_seeds)
     config = MissionConfig(reputation=not no_reputation)
     conditions = Conditions(
-        patrol, wrong_edges, barred, liars, lie, keep, rarer, quiet, season, time, goal_rise, config
-    )
+        patrol, wrong_edges, barred, liars, lie, keep=keep, rarer=rarer, quiet_s=quiet,
+        season=season, time=time, goal_rise_m=goal_rise, config=config,
+    )  # fmt: skip
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,
         to_places=to_places, landmarks=landmarks, conditions=conditions, jobs=jobs,

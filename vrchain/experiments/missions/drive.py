@@ -93,6 +93,10 @@ class Conditions:
         usual = asdict(UpdateRules())
         return UpdateRules(**{name: self.rarer * value for name, value in usual.items()})
 
+    def goal_rig(self, rig: CameraRig) -> CameraRig:
+        """The robot's cameras at the height from which the goal is pictured."""
+        return replace(rig, camera_height_m=rig.camera_height_m + self.goal_rise_m)
+
 
 @lru_cache(maxsize=1)
 def _renderer(scenes: Scenes, seed: int, k: int) -> Renderer:
@@ -147,7 +151,7 @@ class Suburb:
                 goal = (
                     oracle.goal(mission.goal)
                     if oracle
-                    else self._goal(mission, before, conditions.goal_rise_m)
+                    else self._goal(mission, before, conditions.goal_rig(self.rig))
                 )
             # among panoramas: the goal is as it was shown
             perception = misled(perception, conditions.wrong_edges, number)
@@ -189,9 +193,8 @@ class Suburb:
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
         return {**row, **sent, "barred": bars.rows, **costs}
 
-    def _goal(self, mission: Mission, before: Renderer, rise_m: float) -> GoalPictures:
+    def _goal(self, mission: Mission, before: Renderer, rig: CameraRig) -> GoalPictures:
         poses = mission.goal_poses
-        rig = replace(self.rig, camera_height_m=self.rig.camera_height_m + rise_m)
         pictures = goal_pictures(self.scene, before, mission.goal, poses, rig)
         return goal_from(pictures, share=self._share(mission))
 

@@ -19,7 +19,7 @@ A mission succeeds where the robot says that it arrived, and truth has it at the
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from functools import lru_cache, partial
 from itertools import pairwise, product
 from pathlib import Path
@@ -80,7 +80,7 @@ def evaluate(
         )
     rig, conditions = rig or CameraRig(), conditions or Conditions()
     scenes.at(conditions.season, conditions.time)  # refused before anything is driven, as is
-    replace(rig, camera_height_m=rig.camera_height_m + conditions.goal_rise_m)
+    conditions.goal_rig(rig)
     drawn = folder_of(folder, scenes, n_robots, seed, asdict(rig), to_places, landmarks)
     driven = drawn / name_of([drawn.name, asdict(conditions), maker_of()])
     asked = _Evaluation(

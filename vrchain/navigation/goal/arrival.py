@@ -219,7 +219,7 @@ class Arrival(Candidates):
             yield _about(middle + half_m * outward)
 
     def _middle(self, candidate: Candidate, stood: Pose | None = None) -> tuple[Array, float]:
-        """Where its middle is, about, (2,), and how far from its sides, as seen from here."""
+        """Where its middle is, about, (2,), and how far from its sides, seen from there or here."""
         away = candidate.place.xy_m - (stood or self.pilot.here).xy_m
         config = self.pilot.config
         half_m = max(config.share * _HALF_M, candidate.width_m(config) / 2)
