@@ -1,7 +1,7 @@
 """The panoramas of one plan, and what two of them have in common, as far as it was worth asking."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
-from itertools import combinations
+from itertools import combinations, pairwise
 
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import Comparison
@@ -27,7 +27,7 @@ class Compared:
 
     own: of the first; looks: what each shows; found: what two of them, in that order, have in
     common. tracks: those of one robot that its odometry links, which need not be compared.
-    reputation: whether a robot's word of how it moved counts less where others contradict it.
+    reputation: whether a robot is not believed how it moved where pictures contradict it.
     """
 
     def __init__(
@@ -55,26 +55,42 @@ class Compared:
         self._compared: dict[Pair, RelativePose] = {}
         self._left: list[Pair] = []  # not compared, the likeliest first
         self._bridged = 0
-        self._told: RelativePoses | None = None  # until something more is compared
+        self._told: RelativePoses | None = None  # these two until something more is compared
+        self._doubted: dict[str, float] | None = None
 
     def poses(self) -> RelativePoses:
         """The relative poses of panoramas, by all comparisons so far and by odometry."""
         if self._told is None:
-            doubted = self.doubted()
-            ways = {
-                pair: RelativePose(moved, doubted.get(robot_of(pair[0]), 1.0))
-                for pair, moved in self._ways.items()
-            }
-            self._told = RelativePoses(ways | self._compared)
+            self._told = RelativePoses(self._driven() | self._compared)
         return self._told
 
+    def steps(self) -> list[Pair]:
+        """From panorama to panorama of robots that are believed how they moved."""
+        doubted = self.doubted()
+        return [
+            (a, b)
+            for track in (self._own_track, *self.tracks)
+            for (a, _), (b, _) in pairwise(track)
+            if robot_of(a) not in doubted
+        ]
+
+    def _driven(self) -> dict[Pair, RelativePose]:
+        """What odometry tells, of robots that are believed."""
+        doubted = self.doubted()
+        return {
+            pair: RelativePose(moved, 1.0)
+            for pair, moved in self._ways.items()
+            if robot_of(pair[0]) not in doubted
+        }
+
     def doubted(self) -> dict[str, float]:
-        """Robots whose word of their own way is contradicted, and the share that agrees."""
+        """Robots whose word of their own way pictures contradict, and the share that agrees."""
         if not self._reputation:
             return {}
-        told = reputations(self._compared, (self._own_track, *self.tracks))
-        own = robot_of(self.own[0])
-        return {robot: share for robot, share in told.items() if share < EVEN and robot != own}
+        if self._doubted is None:
+            told = reputations(self._compared, self.tracks)
+            self._doubted = {robot: share for robot, share in told.items() if share < EVEN}
+        return self._doubted
 
     def _compare(self, a: str, b: str) -> float:
         """Compare two, in their order: the chance that their relative pose is right."""
@@ -86,7 +102,7 @@ class Compared:
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
         self._compared[a, b] = RelativePose(pose_from(found, self.looks[a].rig), trust)
-        self._told = None
+        self._told = self._doubted = None
         return trust
 
     def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:
@@ -104,7 +120,7 @@ class Compared:
         if not seers or self._bridged >= _BRIDGES:
             return False
         poses = self.poses()
-        rights = {pair: poses.trust(pair) for pair in (*self._ways, *self._compared)}
+        rights = {pair: poses.trust(pair) for pair in (*self._driven(), *self._compared)}
         left = [pair for pair in self._left if pair not in rights]
         before, asked = self._index.n_compared, False
         for pair in bridges(self.names, left, rights, set(self.own), seers):

@@ -90,7 +90,7 @@ class Plan:
 
     unreadable: robots whose panorama is gone or is none. published: the panoramas that can be read,
     by name. looks: what each panorama shows, the robot's own ones too; poses: their relative poses.
-    doubted: robots whose word of how they moved others contradict, and the share that agrees.
+    doubted: robots whose word of how they moved pictures contradict, and the share that agrees.
     """
 
     route: Route | None
@@ -145,7 +145,7 @@ def plan(
     trusted. trust: the chance that the relative pose of two panoramas is right; it counts for more
     where others agree, for less where they do not. lasting: the chance that a view has not changed
     since. alike: how much two look alike, where there are too many to compare them all. reputation:
-    whether a robot's word of how it moved counts less where others contradict it.
+    whether a robot is not believed how it moved where pictures contradict it.
     """
     rig = own[0][1].rig
     unreadable = tuple(
@@ -168,9 +168,7 @@ def plan(
             pair: poses.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
             for pair in panoramas.found
         }
-        driven = [panoramas.own, *([name for name, _ in track] for track in panoramas.tracks)]
-        steps = (step for names in driven for step in pairwise(names))
-        claims = [_by_odometry(*step, poses.trust(step)) for step in steps]
+        claims = [_by_odometry(*step) for step in panoramas.steps()]
         claims += _claims(panoramas.found, rights, rig)
         claims = [claim for claim in claims if key(claim) not in failed]
         chances = {name: sighting.chance for name, sighting in seen.items()}
@@ -232,12 +230,11 @@ def _claims(
                 yield Claim(a, b, common, chance)
 
 
-def _by_odometry(a: str, b: str, trust: float) -> Claim:
+def _by_odometry(a: str, b: str) -> Claim:
     """Between two panoramas of one robot: what its odometry tells stands in for a landmark."""
     nowhere = Region(0, (0.0, 0.0, 0.0, 0.0), None, None)
     none = np.empty(0, dtype=np.int64)
-    chance = max(_BY_ODOMETRY * trust, _LEAST)
-    return Claim(a, b, CommonLandmark(chance, nowhere, nowhere, none, none), chance)
+    return Claim(a, b, CommonLandmark(_BY_ODOMETRY, nowhere, nowhere, none, none), _BY_ODOMETRY)
 
 
 def worth(claim: CommonLandmark, baseline_m: float) -> float:
