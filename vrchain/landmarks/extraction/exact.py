@@ -59,12 +59,14 @@ _FINE = _Scale(4, 0, 128)  # what most weights at once are applied to
 # From here to twice as much bfloat16 holds whole numbers only: a sum with this added is rounded to
 # one by rounding it to bfloat16.
 _LIFT = 128.0
+_LIFTED = 0x4300, 0x437F  # the bits of 128 and of 255 in bfloat16; of what is below 0, less than 0
 
 
 def _clipped(x: Tensor) -> Tensor:
     """ReLU6 of a layer's sums, which are lifted if they are bfloat16; in place."""
     if x.dtype == torch.bfloat16:
-        return x.clamp_(_LIFT, _LIFT + 127).sub_(_LIFT)
+        x.view(torch.int16).clamp_(*_LIFTED)  # as its bits, in order as it is: in half the time
+        return x.sub_(_LIFT)
     return x.round_().clamp_(0, 127)
 
 
