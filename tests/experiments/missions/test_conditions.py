@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+import worlds
 from blind import blind
 from hamlet import the_hamlet
 from sights import RIG
@@ -112,6 +113,30 @@ def test_a_goal_is_pictured_from_higher(tmp_path: Path, monkeypatch: pytest.Monk
     *_, now = driven(tmp_path, monkeypatch, goal_rise_m=0.5)
     raised = [rig for rig in now.rigs if rig.camera_height_m == RIG.camera_height_m + 0.5]
     assert len(raised) == 4 and all(rig.n_views == 1 for rig in raised)
+
+
+def test_a_ledger_of_another_world_is_given_up_in_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The others' panoramas show what is nowhere here."""
+    corners = [(x_m, y_m) for x_m in (-20.0, 20.0) for y_m in (-20.0, 20.0)]
+    houses = [worlds.box(f"h {c}", c, (4, 4, 4), worlds.blotches(f"h {c}")) for c in corners]
+    elsewhere = Renderer(worlds.world(*houses, extent_m=(48.0, 48.0)))
+    monkeypatch.setattr(draw, "WAY_M", (12.0, 60.0))
+    pictured = drive.Suburb._goal
+    monkeypatch.setattr(drive.Suburb, "_before", lambda *given: elsewhere)
+    monkeypatch.setattr(
+        drive.Suburb,
+        "_goal",
+        lambda own, mission, _, rig: pictured(own, mission, own.renderer, rig),
+    )
+    conditions = Conditions(PATROL_S, config=MissionConfig(limit_s=2 * MISSION_S))
+    table, _ = evaluate(
+        HAMLET, 1, 4, ["ledger"], seed=3, folder=tmp_path, rig=RIG, conditions=conditions
+    )
+    assert table.published[0] >= 3 and not table.arrived[0]
+    assert table.reason[0] == f"out of time after {2 * MISSION_S:.0f} s"
+    assert not table.routes[0]  # nothing there leads anywhere here
 
 
 @pytest.mark.parametrize(

@@ -37,6 +37,17 @@ def test_shut_in_there_is_nowhere_left_to_look() -> None:
         explored(200, MissionConfig(limit_s=1e6), shut_in=True)
 
 
+def test_who_has_looked_everywhere_looks_everywhere_anew() -> None:
+    pilot = Pilot(Walker(POST, Pose(0.0, 0.0)), PERCEPTION, MissionConfig(explore_m=40.0))
+    side_m = np.arange(-80.0, 80.1, 4.0)
+    pilot.looked.extend(np.stack(np.meshgrid(side_m, side_m), axis=-1).reshape(-1, 2))
+    pilot.look_around()
+    told: list[str] = []
+    explorer = Explorer(pilot, lambda what, why, look=None, **values: told.append(what))
+    explorer.drive_on()
+    assert told == ["explore"] and np.hypot(*pilot.here.xy_m) > 5.0
+
+
 def test_time_runs_out_on_the_way() -> None:
     with pytest.raises(GaveUp, match="out of time after 30 s"):
         explored(20, MissionConfig(limit_s=30.0))

@@ -2,10 +2,12 @@
 
 Of such places it takes one that is near and around which much stands that it saw from afar only:
 along a suburb's edge there is little to find. Where none is as far from all others as in a suburb,
-as in rooms, half, a quarter or an eighth of that will do.
+as in rooms, half, a quarter or an eighth of that will do. Where none is left at all, it looks
+everywhere anew: it may have passed by what it seeks, and others may know more by now.
 """
 
 from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 from scipy.spatial.distance import cdist
@@ -31,6 +33,7 @@ class Explorer:
         self.pilot, self.log = pilot, log
         self._unreachable: list[Array] = []
         self._target: Array | None = None
+        self._forgotten = 0  # looks, the first ones
 
     def drive_on(self, others_xy_m: Sequence[Array] = ()) -> None:
         """Drive some way towards such a place; GaveUp if there is none.
@@ -54,17 +57,19 @@ class Explorer:
 
     def _unseen_anywhere(self, others_xy_m: Sequence[Array]) -> tuple[float, Array]:
         """The best such place, and the share of what is far there; GaveUp if there is none."""
-        for share in _SHARES:
-            for others in (others_xy_m, ()):
+        for _ in range(2):
+            for share, others in product(_SHARES, (others_xy_m, ())):
                 target = self._unseen(share, others)
                 if target is not None:
                     return share, target
+            self._forgotten = len(self.pilot.looked) - 1
         raise GaveUp("there is nowhere left to look from where I can get")
 
     def _unseen(self, share: float, others_xy_m: Sequence[Array]) -> Array | None:
         """The best place far from all looked-at ones; as before, if that is near."""
         pilot, apart_m = self.pilot, share * self.pilot.config.explore_m
-        known = np.array([*pilot.looked, *self._unreachable, *others_xy_m])
+        looked = pilot.looked[self._forgotten :]
+        known = np.array([*looked, *self._unreachable, *others_xy_m])
         angle = np.arange(_TURNS) * 2 * np.pi / _TURNS
         rim = (apart_m + 1.0) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
         places = (known[:, None] + rim).reshape(-1, 2)
