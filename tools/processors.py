@@ -2,7 +2,7 @@
 
 Processors are those of ``vrchain bench processors``. Their libraries add and round in other
 orders, so that what stands on a knife's edge falls to the other side. After -- tests may be named,
-in place of them all. WORKERS: as for make.
+in place of them all, or a command: vrchain and its arguments. WORKERS: as for make.
 """
 
 import os
@@ -30,7 +30,8 @@ def main(arguments: list[str]) -> None:
     if unknown := [name for name in names if name not in PROCESSORS]:
         sys.exit(f"expected processors of {', '.join(PROCESSORS)}, got {', '.join(unknown)}")
     workers = ["-n", os.environ.get("WORKERS", "2"), "--dist", "worksteal"]
-    command = [sys.executable, "-m", "pytest", "-m", "not slow", *workers, *tests]
+    pytest = ["pytest", "-m", "not slow", *workers]
+    command = [sys.executable, "-m", *([] if tests[0] == "vrchain" else pytest), *tests]
     failed = []
     for name in names:
         print(f"==> as processor {name}", flush=True)
@@ -38,7 +39,7 @@ def main(arguments: list[str]) -> None:
         if subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode != 0:
             failed.append(name)
     if failed:
-        sys.exit(f"tests failed as processor {', '.join(failed)}; see above")
+        sys.exit(f"it failed as processor {', '.join(failed)}; see above")
 
 
 if __name__ == "__main__":
