@@ -11,7 +11,7 @@ from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.arrival import NEAR_M, Arrival
 from vrchain.navigation.goal.candidates import Candidate
 from vrchain.navigation.goal.place import PlaceArrival
-from vrchain.navigation.goal.rejections import SAME_M, Driven
+from vrchain.navigation.goal.rejections import Driven
 from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.relative_poses import SURE
 from vrchain.navigation.planning.route import LandmarkKey, Leg, Plan, Route
@@ -166,7 +166,7 @@ class Follower:
         if candidate is not None and candidate.chance >= self.config.likely:
             if self.arrival.drive_to(candidate):
                 return True
-            if np.hypot(*(candidate.place.xy_m - place.xy_m)) < SAME_M:
+            if np.hypot(*(candidate.place.xy_m - place.xy_m)) < self.rejections.same_m:
                 return False
         return self.arrival.drive_to(Candidate(place, route.trust))
 

@@ -1,16 +1,19 @@
 """What is blamed where a chain led astray."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any, NamedTuple, cast
 
+import numpy as np
 import pytest
 from plains import HOME, PERCEPTION, TEAM, PlainIndex, Walker, street
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.navigation.driving.drive import Pilot
+from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.following import Follower
-from vrchain.navigation.goal.rejections import Driven
+from vrchain.navigation.goal.rejections import Driven, Rejections
 from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.route import Plan, Route
 from vrchain.navigation.replanning import Replanner
@@ -137,3 +140,13 @@ def test_on_the_way_a_route_by_other_panoramas_has_to_be_better(
     monkeypatch.setattr(ours, "plan", lambda look: again)
     monkeypatch.setattr(ours.rejections, "is_elsewhere", lambda *asked: False)
     assert isinstance(follower.regard(look, route), Plan) == taken
+
+
+def test_in_rooms_another_goal_may_stand_nearer_to_where_none_was_found() -> None:
+    """As its pictures were taken from nearer: in a house of 19 m, 8 m are half of it."""
+    none, there, beside = (Estimate(np.array([x, 0.0]), np.eye(2)) for x in (0.0, 1.5, 5.0))
+    for share, in_vain in ((1.0, [True, True]), (0.25, [True, False])):
+        rejections = Rejections(PERCEPTION, cast(Any, None), lambda *said, **values: None, share)
+        rejections.blame = lambda driven: None  # type: ignore[method-assign]
+        rejections.found_nothing(none, cast(Any, SimpleNamespace()))
+        assert [rejections.was_in_vain(goal) for goal in (there, beside)] == in_vain

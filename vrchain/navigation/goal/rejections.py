@@ -14,7 +14,7 @@ from vrchain.navigation.planning.relative_poses import ORIGIN, SURE
 from vrchain.navigation.planning.route import Leg, Plan, Route
 from vrchain.navigation.settings import Log
 
-SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
+_SAME_M = 8.0  # within which two panoramas that are said to show the goal show one thing
 _ASKED, _KNOWN_M = 2, 12.0  # panoramas from so near are known again,
 _NOTHING = 0.05  # or else this is the trust in a relative pose with them
 
@@ -43,13 +43,17 @@ class Driven:
 class Rejections:
     """What was found wrong so far.
 
-    pairs: of looks whose relative pose is; sights: panoramas whose sight of the goal is.
+    pairs: of looks whose relative pose is; sights: panoramas whose sight of the goal is. share: as
+    in ``MissionConfig``; same_m: within which one goal is supposed, less in rooms.
     """
 
-    def __init__(self, perception: Perception, index: LandmarkIndex[Look], log: Log) -> None:
+    def __init__(
+        self, perception: Perception, index: LandmarkIndex[Look], log: Log, share: float
+    ) -> None:
         self._perception, self._index, self._log = perception, index, log
         self.pairs: list[tuple[Look, Look]] = []
         self.sights: set[bytes] = set()
+        self.same_m = share * _SAME_M
         self._in_vain: list[Array] = []  # where the goal should have been
 
     def trust(self, a: Look, b: Look, compared: Comparison) -> float:
@@ -60,7 +64,7 @@ class Rejections:
 
     def was_in_vain(self, goal: Estimate) -> bool:
         """Whether no goal was found there before."""
-        return any(np.hypot(*(goal.xy_m - before)) < SAME_M for before in self._in_vain)
+        return any(np.hypot(*(goal.xy_m - before)) < self.same_m for before in self._in_vain)
 
     def found_nothing(self, goal: Estimate, driven: Driven) -> None:
         """A route was driven to its end, and no goal is there."""
@@ -70,7 +74,7 @@ class Rejections:
     def blame(self, driven: Driven) -> None:
         """What led to where no goal is: the relative pose that is least sure, or a sight."""
         route, plan = driven.route, driven.plan
-        same = {n for n in plan.goal_seen_by if _is_one_thing(plan, route.seen_by, n)}
+        same = {n for n in plan.goal_seen_by if self._is_one_thing(plan, route.seen_by, n)}
         names = sorted({route.seen_by, *same})
         leg = min(route.legs, key=lambda leg: leg.trust)
         if leg.trust < max(plan.goal_seen_by[name].chance for name in names):
@@ -106,13 +110,12 @@ class Rejections:
         self._log("doubt", f"{leg.seen_by} and {leg.next_by} were not joined rightly")
         self.pairs.append((plan.looks[leg.seen_by], plan.looks[leg.next_by]))
 
-
-def _is_one_thing(plan: Plan, a: str, b: str) -> bool:
-    """Whether what two panoramas take for the goal is in one place, by a sure relative pose."""
-    step = plan.poses.between(a, b)
-    if step is None or plan.poses.trust((a, b)) < SURE:
-        return False
-    one, other = (
-        plan.goal_seen_by[name].place(pose).xy_m for name, pose in ((a, ORIGIN), (b, step))
-    )
-    return bool(np.hypot(*(one - other)) < SAME_M)
+    def _is_one_thing(self, plan: Plan, a: str, b: str) -> bool:
+        """Whether what two panoramas take for the goal is in one place, by a sure relative pose."""
+        step = plan.poses.between(a, b)
+        if step is None or plan.poses.trust((a, b)) < SURE:
+            return False
+        one, other = (
+            plan.goal_seen_by[name].place(pose).xy_m for name, pose in ((a, ORIGIN), (b, step))
+        )
+        return bool(np.hypot(*(one - other)) < self.same_m)
