@@ -120,7 +120,9 @@ def test_a_ledger_of_another_world_is_given_up_in_time(
 ) -> None:
     """The others' panoramas show what is nowhere here."""
     corners = [(x_m, y_m) for x_m in (-20.0, 20.0) for y_m in (-20.0, 20.0)]
-    houses = [worlds.box(f"h {c}", c, (4, 4, 4), worlds.blotches(f"h {c}")) for c in corners]
+    houses = [
+        worlds.box(f"h {c}", c, (4, 4, 4), worlds.blotches(f"h {c}"), solid=False) for c in corners
+    ]
     elsewhere = Renderer(worlds.world(*houses, extent_m=(48.0, 48.0)))
     monkeypatch.setattr(draw, "WAY_M", (12.0, 60.0))
     pictured = drive.Suburb._goal
