@@ -1,7 +1,6 @@
 """What is blamed where a chain led astray."""
 
 from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any, NamedTuple, cast
 
 import numpy as np
@@ -148,5 +147,5 @@ def test_in_rooms_another_goal_may_stand_nearer_to_where_none_was_found() -> Non
     for share, in_vain in ((1.0, [True, True]), (0.25, [True, False])):
         rejections = Rejections(PERCEPTION, cast(Any, None), lambda *said, **values: None, share)
         rejections.blame = lambda driven: None  # type: ignore[method-assign]
-        rejections.found_nothing(none, cast(Any, SimpleNamespace()))
+        rejections.found_nothing(none, cast(Any, None))
         assert [rejections.was_in_vain(goal) for goal in (there, beside)] == in_vain

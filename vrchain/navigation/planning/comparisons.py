@@ -49,7 +49,7 @@ class Compared:
         self._known, self._index, self._trust = known, index, trust
         self._place = {name: k for k, name in enumerate(self.names)}
         stood = tuple(zip(self.own, (pose for pose, _ in own), strict=True))
-        self._own_track, self._reputation = stood, reputation
+        self._reputation = reputation
         self._ways = {(a, b): relative(p, q) for (a, p), (b, q) in combinations(stood, 2)}
         self._ways |= {(a, b): moved for track in self.tracks for a, b, moved in links(track)}
         self._compared: dict[Pair, RelativePose] = {}
@@ -67,12 +67,9 @@ class Compared:
     def steps(self) -> list[Pair]:
         """From panorama to panorama of robots that are believed how they moved."""
         doubted = self.doubted()
-        return [
-            (a, b)
-            for track in (self._own_track, *self.tracks)
-            for (a, _), (b, _) in pairwise(track)
-            if robot_of(a) not in doubted
-        ]
+        others = (pairwise(name for name, _ in track) for track in self.tracks)
+        steps = (step for track in (pairwise(self.own), *others) for step in track)
+        return [(a, b) for a, b in steps if robot_of(a) not in doubted]
 
     def _driven(self) -> dict[Pair, RelativePose]:
         """What odometry tells, of robots that are believed."""

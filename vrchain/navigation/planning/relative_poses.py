@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from math import prod
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
 
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
@@ -127,14 +126,9 @@ class RelativePoses:
 def apart(one: Pose, other: Pose) -> float:
     """By how much two relative poses differ, in what still passes for agreement."""
     way_m = max(float(np.hypot(*one.xy_m)), float(np.hypot(*other.xy_m)))
+    by_place = one.distance_to_m(other.xy_m) / (_OFF_M + _OFF * way_m)
     turned = abs(float(wrap_angle_rad(one.yaw_rad - other.yaw_rad)))
-    return float(off(one.distance_to_m(other.xy_m), way_m, turned))
-
-
-def off(apart_m: ArrayLike, way_m: ArrayLike, turned_rad: ArrayLike) -> NDArray[np.floating]:
-    """The same of metres and radians between, for the longer way; of any shape."""
-    by_place = np.asarray(apart_m) / (_OFF_M + _OFF * np.asarray(way_m))
-    return np.maximum(by_place, np.asarray(turned_rad) / _OFF_RAD)
+    return float(max(by_place, turned / _OFF_RAD))
 
 
 def baseline_m(found: Comparison, rig: CameraRig) -> float | None:
