@@ -341,9 +341,9 @@ def test_a_double_in_view_is_doubted_and_ends_with_a_reason() -> None:
     for others in ({}, {"R2": Pose(2.0, -3.0)}):
         result, _ = drive(plain, others, goal=goal, config=PATIENT)
         assert not result.arrived
-        assert words(result)[:3] == ["approach", "circle", "doubt"]
+        assert words(result)[:2] == ["approach", "doubt"]
         assert result.decisions[0].why == "the goal"
-        assert words(result).count("circle") == 1  # it is not gone round again
+        assert words(result).count("circle") == 0  # by one look it is not likely enough for that
 
 
 class Junk(PlainIndex):

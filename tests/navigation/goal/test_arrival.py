@@ -109,11 +109,11 @@ def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
     assert not ours.was_mistaken(Estimate(np.array([24.0, 0.0]), np.eye(2)))
 
 
-@pytest.mark.parametrize(("chance", "n_sides"), [(0.6, 1), (0.75, 2), (0.9, 4), (0.99, 5)])
+@pytest.mark.parametrize(("chance", "n_sides"), [(0.85, 1), (0.9, 2), (0.95, 3), (0.99, 5)])
 def test_what_is_less_likely_is_looked_at_from_fewer_sides(
     chance: float, n_sides: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Each side that leaves it unsure halves its odds."""
+    """The first side that leaves it unsure leaves a quarter of its odds, each more a half."""
     ours, seen = arrival(), candidate(8.0, chance)
     sides = iter([seen.place] * 5)
     monkeypatch.setattr(ours, "_sides", lambda candidate, n: sides)
@@ -123,7 +123,7 @@ def test_what_is_less_likely_is_looked_at_from_fewer_sides(
 
 def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> None:
     """As it was met: a barn was given up half round, and the side in its pictures was beyond."""
-    ours, seen = arrival(), candidate(8.0, 0.97)
+    ours, seen = arrival(), candidate(8.0, 0.99)
     middle_xy_m, pilot = np.array([12.0, 0.0]), cast(Any, ours.pilot)
     turns: list[float] = []
 
@@ -131,7 +131,9 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
         pilot.here, pilot.now.time_ns = Pose(*xy_m), pilot.now.time_ns + 1
         return 1.0
 
-    def find(look: Any, bearing_rad: float, window_rad: float) -> GoalSight:
+    def find(look: Any, bearing_rad: float = 0.0, *window: Any, **fair: Any) -> GoalSight | None:
+        if not window:
+            return None  # all around
         turns.append(pilot.here.bearing_to_rad(middle_xy_m))
         surely = abs(turns[-1] + np.pi / 3) < 0.1
         return sight_of(8.0, 60 if surely else 12, 0.97, bearing_rad=bearing_rad)
@@ -139,6 +141,19 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
     pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find))
     assert ours._circle(seen).is_sure(CONFIG)
     assert len(turns) > 5  # at five sides, and on the way to the last
+
+
+@pytest.mark.parametrize(("chance", "x_m", "left"), [(1.0, 60.0, 1), (1.0, 9.0, 3), (0.9, 60.0, 3)])
+def test_a_circle_is_left_for_what_is_far_surer_elsewhere(
+    chance: float, x_m: float, left: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was met: two minutes round a look-alike, with the goal in view 17 m away."""
+    ours, seen = arrival(), candidate(8.0, 0.95)
+    sides = iter([seen.place] * 5)
+    monkeypatch.setattr(ours, "_sides", lambda candidate, n: sides)
+    ours.candidates.append(candidate(x_m, chance))
+    assert not ours._circle(seen).is_sure(CONFIG)
+    assert 5 - len(list(sides)) == left
 
 
 def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() -> None:

@@ -47,6 +47,8 @@ _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that 
 # places that showed one of 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344,
 # it was sure from that side in 75 %, with 1, 2, 3 sides more in 89, 96, 98 %. A side costs 17 s.
 _SIDES, _SIDES_OF_IT = 5, 3
+_UNSURE = 0.25  # of its odds is left, by those figures, where the first side leaves it unsure
+_SURER = 10.0  # so many times its odds make another sight worth leaving a circle for
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
 
@@ -87,26 +89,35 @@ class Arrival(Candidates):
     def _is_worth_a_circle(self, candidate: Candidate) -> bool:
         """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
         known = self.was_mistaken(candidate.place, candidate.surest)
-        return self._is_likely(candidate) and not known
+        return bool(candidate.sights) and _chance_unsure(candidate) >= EVEN and not known
 
     def _circle(self, candidate: Candidate) -> Candidate:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
 
-        Each side that leaves it unsure speaks against it, much like the goal or not at all.
+        Each side that leaves it unsure speaks against it, much like the goal or not at all. It is
+        left, too, for what is far surer and stands elsewhere.
         """
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
         before, (middle_xy_m, _) = candidate.place, self._middle(candidate)
-        candidate, chance = replace(candidate, against=0), candidate.chance
+        candidate, chance = replace(candidate, against=0), _chance_unsure(candidate)
         for side in self._sides(candidate, _SIDES):
             candidate = self._regarded(replace(candidate, place=side))
             if candidate.is_sure(self.pilot.config):
                 return self._close_in(candidate)
             chance = at_odds(chance, _AGAIN)
-            if chance < EVEN:
+            self.note(self.pilot.look_around())
+            if chance < EVEN or self._is_surer_elsewhere(candidate.place, at_odds(chance, _SURER)):
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
             self._mistaken.append((middle_xy_m, candidate.surest))
         return replace(candidate, place=before)
+
+    def _is_surer_elsewhere(self, place: Estimate, chance: float) -> bool:
+        """Whether what is likeliest by the looks around is likelier than that, and not there."""
+        other = self.likeliest
+        if other is None or other.chance <= chance:
+            return False
+        return not self._is_near(place.xy_m, other.place)
 
     def _is_claimed(self, candidate: Candidate) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""
@@ -317,6 +328,11 @@ class Arrival(Candidates):
         if pilot.ahead_m(bearing, _AHEAD_RAD, np.median) < _OF_THE_WAY * range_m:
             return False
         return pilot.surface_m(bearing) <= _NEARLY_M
+
+
+def _chance_unsure(candidate: Candidate) -> float:
+    """The chance left to what one side left unsure; glances that did not show it have told some."""
+    return at_odds(candidate.chance, min(1.0, _UNSURE / _AGAIN**candidate.against))
 
 
 def _about(xy_m: Array) -> Estimate:
