@@ -23,8 +23,10 @@ from vrchain.navigation.planning.relative_poses import baseline_m
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.robot import Observation
 
-# A route weighs claims by their scores, and by the chance that relative poses are right.
-PLANNING = JointConfig(min_score=0.3, min_joined=0.0)
+# A route weighs claims by their scores, and by the chance that relative poses are right. Of 1711
+# pairs of six missions of seed 1368 a third had no likelier pose than that: three of 780 that were
+# joined with a trust of 0.5 or more.
+PLANNING = JointConfig(min_score=0.3, min_joined=0.0, min_pose=-2.0)
 # Claims a proposal, all of them sure, of panoramas joined rightly half the time, and how steeply
 # that chance rises: logistic regression on 955 pairs of seed 1003.
 _FEW, _RISING = 0.04, 3.4

@@ -73,7 +73,7 @@ def test_rays_are_raised_as_the_pose_says() -> None:
 def test_slopes_are_the_derivatives_of_the_distance() -> None:
     """Of matches on the constraint, where the scale does not count."""
     likelihood, pose = seen(noise_rad=0.0), np.r_[TRUE, np.zeros(4)][None]
-    slopes, step = likelihood._seen(pose, True).slopes(pose)[0], 1e-6
+    slopes, step = likelihood._seen(pose, True).slopes(pose, 6)[0], 1e-6
     right = likelihood.agreeing(pose[0], 1e-4)
     assert right.sum() > 100
     for k in range(6):

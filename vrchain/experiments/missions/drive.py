@@ -26,7 +26,7 @@ from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_fr
 from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import MissionConfig, Published
-from vrchain.panorama import CameraRig
+from vrchain.panorama import CameraRig, Panorama
 from vrchain.robot import UpdateRules
 from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.mission import index_of, is_at, published_of
@@ -38,6 +38,7 @@ from vrchain.world.truth import GroundTruth
 
 REMEMBERED = 40  # panoramas of each robot that others plan by
 _AT_PLACE_M = 1.0
+_RECALLED = 120  # panoramas, of some 7 MB
 
 
 @dataclass(frozen=True)
@@ -104,6 +105,31 @@ def _renderer(scenes: Scenes, seed: int, k: int) -> Renderer:
     return Renderer(scenes.scene(seed, k))
 
 
+class _Recalled(Renderer):
+    """Draws what it drew before from memory: two arms begin with the same patrol."""
+
+    def __init__(self, renderer: Renderer) -> None:
+        self._renderer, self._drawn = renderer, dict[object, Panorama]()
+
+    def render(
+        self,
+        pose: Pose,
+        rig: CameraRig | None = None,
+        robots: Mapping[str, Pose] | None = None,
+    ) -> Panorama:
+        asked = pose, rig, tuple((robots or {}).items())
+        drawn = self._drawn.get(asked) or self._renderer.render(pose, rig, robots)
+        if len(self._drawn) < _RECALLED:
+            self._drawn[asked] = drawn
+        return replace(drawn)  # with nothing that is derived from it
+
+
+@lru_cache(maxsize=1)
+def _recalled(renderer: Renderer, mission: int) -> _Recalled:
+    """Of the mission at work."""
+    return _Recalled(renderer)
+
+
 class Suburb:
     """One scene with all that is made of it once, and missions in it."""
 
@@ -124,7 +150,7 @@ class Suburb:
         number = self.seed * 100_003 + self.k * 1009 + mission.number
         simulator = Simulator(self.scene, mission.poses, seed=number, rig=self.rig)
         before = self._before(conditions)
-        simulator.truth, simulator.renderer = self.truth, before
+        simulator.truth, simulator.renderer = self.truth, _recalled(before, number)
         robot, *others = mission.poses
         members = {name: simulated_key(number, name).public for name in mission.poses}
         operator = simulated_key(number, "operator")

@@ -235,9 +235,8 @@ def _nearest(
     index, ratio = np.empty(len(a), dtype=np.int64), np.empty(len(a), dtype=np.float32)
     for start in range(0, len(a), _ROWS_A_PASS):
         rows = slice(start, start + _ROWS_A_PASS)
-        square = wide_a[rows] @ wide_b.T
-        square *= -2.0  # in place: new memory takes longer than the sums
-        square += norm_b
+        square = (-2 * wide_a[rows]) @ wide_b.T
+        square += norm_b  # in place: new memory takes longer than the sums
         index[rows], first, second = _two_smallest(square)
         first += norm_a[rows]
         second += norm_a[rows]

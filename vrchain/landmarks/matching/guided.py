@@ -20,7 +20,6 @@ Matched = tuple[Index, Index]
 
 NO_MATCH = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
 
-_WIDER = 1.01  # a first look at distances is rounded otherwise
 _KEYPOINT_RAD, _DESCRIPTORS = 0.005, 300.0  # off the relative pose; between descriptors, at most
 _SPOT_RAD, _COSINE = 0.012, 0.3  # a cell is as wide; between descriptors, at least
 _MOST_KEYPOINTS = 1500  # of a panorama, when all are matched under a pose
@@ -106,16 +105,12 @@ def matched_under(
     away_a = directions_a[:, 0] - geometry.direction_rad
     away_b = directions_b[:, 0] - geometry.direction_rad + geometry.heading_rad
     seen_a, seen_b = _seen(away_a, directions_a[:, 1]), _seen(away_b, directions_b[:, 1])
-    lines_a, lines_b = _sampson_terms(seen_a, seen_b)
-    wider = (_WIDER * tolerance_rad) ** 2
     rows, columns, scores = [], [], []
     for (ia, ib), (start_a, start_b) in zip(inside, starts, strict=False):
         if min(len(ia), len(ib)) == 0:
             continue
         score = alike(ia, ib)
-        of_a, of_b = lines_a[ia], lines_b[ib]
-        residual, square = of_a[:, :2] @ of_b[:, :2].T, of_a[:, 2:] @ of_b[:, 2:].T
-        row, column = np.nonzero((score > least) & (residual**2 < wider * square))
+        row, column = np.divmod(np.flatnonzero(score > least), len(ib))
         rows.append(row + start_a)
         columns.append(column + start_b)
         scores.append(score[row, column])
@@ -133,17 +128,6 @@ def _seen(from_baseline_rad: Array, slope: Array) -> NDArray[np.float32]:
     """Sine, cosine and slope of directions (n,) that are counted from the baseline: (n, 3)."""
     found = [np.sin(from_baseline_rad), np.cos(from_baseline_rad), slope]
     return np.stack(found, axis=1).astype(np.float32)
-
-
-def _sampson_terms(a: Alike, b: Alike) -> tuple[Alike, Alike]:
-    """Terms (n, 6), (m, 6) of directions from A and from B, for many Sampson distances at once.
-
-    The product of the first two is the residual, of the others the square of its scale.
-    """
-    (sin_a, cos_a, t_a), (sin_b, cos_b, t_b) = a.T, b.T
-    of_a = [sin_a, -t_a, sin_a**2, np.ones_like(t_a), cos_a**2, t_a**2]
-    of_b = [t_b, sin_b, np.ones_like(t_b), sin_b**2, t_b**2, cos_b**2]
-    return np.stack(of_a, axis=1), np.stack(of_b, axis=1)
 
 
 def _mutual(row: Index, column: Index, score: Alike) -> Index:

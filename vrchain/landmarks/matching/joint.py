@@ -75,6 +75,7 @@ class JointConfig:
     min_score: float = 0.85  # claims less likely than this to be right are not made
     min_surest: float = 0.6  # where there is none, the surest is made from this on
     min_joined: float = 0.5  # nor any of panoramas less likely than this to be joined rightly
+    min_pose: float = -np.inf  # poses of less log-odds by their matches alone are not looked into
 
     @property
     def verified(self) -> bool:
@@ -183,7 +184,9 @@ def claims_under(
         made += claims_of_groups(*seen, groups, sure, least)
         return sorted(made, key=lambda claim: -claim.score)
 
-    return claimed(config.min_score) or claimed(min(config.min_surest, config.min_score))[:1]
+    least = min(config.min_surest, config.min_score)
+    made = claimed(config.min_score)
+    return made if made or least == config.min_score else claimed(least)[:1]
 
 
 def settled(a: LandmarkRecord, b: LandmarkRecord, best: Judged, worth: Worth) -> Array:
@@ -212,9 +215,9 @@ def candidates(
     posed = pose_hypotheses(a, b, matches) if config.verified else []
     own = a.proposals, b.proposals, appearance
     if not posed:
-        rough = join(*own)
+        likely = _NO_POSE if config.verified else 0.0
+        rough = join(*own) if likely > config.min_pose else None
         if rough is not None:
-            likely = _NO_POSE if config.verified else 0.0
             yield _candidates(a, b, config, rough, None, matches, likely)
         return
     for hypothesis, likely in likeliest(posed, config, calibration):
@@ -232,7 +235,8 @@ def likeliest(
     """
     log_odds = calibration.of(config.name).poses.log_odds(np.stack([p.signs for p in posed]))
     order = np.argsort(-log_odds, kind="stable")
-    left = order[log_odds[order] > log_odds[order[0]] - _LESS_LIKELY].tolist()
+    least = max(log_odds[order[0]] - _LESS_LIKELY, config.min_pose)
+    left = order[log_odds[order] > least].tolist()
     found: list[tuple[PoseHypothesis, float]] = []
     while left and len(found) < _POSES:
         first = posed[left[0]].geometry

@@ -150,7 +150,7 @@ class Likelihood:
         """
         seen, inverse = self._seen(poses, tilted), np.linalg.inv(curvature)
         n = curvature.shape[-1]
-        pulls = self._pulls(seen, NEAR_RAD)[..., None] * seen.slopes(poses)[..., :n]
+        pulls = self._pulls(seen, NEAR_RAD)[..., None] * seen.slopes(poses, n)
         pulls *= seen.off[..., None]
         sector = (np.arctan2(self.a[:, 1], self.a[:, 0]) * (_SECTORS / 2 / np.pi)).astype(int)
         summed = np.einsum("kmi,ms->ksi", pulls, sector[:, None] == np.unique(sector))
@@ -204,7 +204,7 @@ class Likelihood:
     def _descent(self, seen: "_Seen", poses: Array, near_rad: float, n: int) -> tuple[Array, Array]:
         """Gradient (k, n) and curvature (k, n, n) of half the sum of squares of right matches."""
         right = self._pulls(seen, near_rad)
-        columns = seen.slopes(poses)[..., :n]
+        columns = seen.slopes(poses, n)
         gradient = np.einsum("km,kmi,km->ki", right, columns, seen.off)
         weighted = columns * right[..., None]
         return gradient, np.einsum("kmi,kmj->kij", weighted, columns)
@@ -229,7 +229,7 @@ class _Seen:
         up_a, up_b = a[..., 2], b[..., 2]
         off = up_b * side_a - up_a * side_b
         scale = np.sqrt(np.maximum(up_b**2 + side_b**2 + up_a**2 + side_a**2 - 2 * off**2, 1e-6))
-        flat_a, flat_b = np.hypot(side_a, ahead_a), np.hypot(side_b, ahead_b)
+        flat_a, flat_b = (np.hypot(ray[..., 0], ray[..., 1]) for ray in (a, b))
         parallax = (ahead_a * side_b - side_a * ahead_b) / (flat_a * flat_b)
         along = (np.abs(parallax) < _PARALLEL_RAD) & (ahead_a * ahead_b + side_a * side_b > 0)
         front = (side_a * parallax > 0) & (side_b * parallax > 0) | along
@@ -237,15 +237,16 @@ class _Seen:
             a, b, off / scale, scale, front, np.abs(side_a) / flat_a, np.abs(side_b) / flat_b
         )
 
-    def slopes(self, poses: Array) -> Array:
-        """Derivatives of ``off`` by the pose's six angles, (k, m, 6)."""
+    def slopes(self, poses: Array, n: int) -> Array:
+        """Derivatives of ``off`` by the first two of the pose's angles, or all six, (k, m, n)."""
         theta, psi = poses[:, :1], poses[:, 1:2]
         (side_a, ahead_a), (side_b, ahead_b) = _turned(self.a, theta), _turned(self.b, psi)
         up_a, up_b = self.a[..., 2], self.b[..., 2]
-        by_a = _stack(-np.sin(theta) * up_b, np.cos(theta) * up_b, -side_b)
-        by_b = _stack(np.sin(psi) * up_a, -np.cos(psi) * up_a, side_a)
-        tilts = [np.cross(ray, by)[..., :2] for ray, by in ((self.a, by_a), (self.b, by_b))]
-        made = [_stack(-up_b * ahead_a, up_a * ahead_b), *tilts]
+        made = [_stack(-up_b * ahead_a, up_a * ahead_b)]
+        if n > 2:
+            by_a = _stack(-np.sin(theta) * up_b, np.cos(theta) * up_b, -side_b)
+            by_b = _stack(np.sin(psi) * up_a, -np.cos(psi) * up_a, side_a)
+            made += [np.cross(ray, by)[..., :2] for ray, by in ((self.a, by_a), (self.b, by_b))]
         return np.asarray(np.concatenate(made, axis=-1) / self.scale[..., None])
 
 
