@@ -325,7 +325,13 @@ def test_a_goal_that_was_surely_seen_may_be_nearer_than_it_is_believed(
 
 @pytest.mark.parametrize(
     ("y_m", "met_m", "matches", "touches"),
-    [(3.5, 0.6, 60, True), (3.5, 0.6, 12, False), (3.5, 2.0, 60, False), (9.5, 0.6, 60, False)],
+    [
+        (3.5, 0.6, 60, True),
+        (7.4, 0.6, 60, True),
+        (3.5, 0.6, 12, False),
+        (3.5, 2.0, 60, False),
+        (9.5, 0.6, 60, False),
+    ],
 )
 def test_round_its_corner_what_is_touched_is_the_goal(
     y_m: float, met_m: float, matches: int, touches: bool

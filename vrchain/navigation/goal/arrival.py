@@ -48,6 +48,9 @@ _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that 
 # it was sure from that side in 75 %, with 1, 2, 3 sides more in 89, 96, 98 %. A side costs 17 s.
 _SIDES, _SIDES_OF_IT = 5, 3
 _UNSURE = 0.25  # of its odds is left, by those figures, where the first side leaves it unsure
+# What is touched so near to its middle is of it: in 37 approaches in suburbs of seed 1371 its own
+# walls were touched up to 7.3 m from there, what was not from 8.7 m on.
+_OF_IT_M = 7.5
 _SURER = 10.0  # so many times its odds make another sight worth leaving a circle for
 _HALF_M, _AROUND_M = 4.0, 8.0  # from a goal's side to its middle, at least, and on to a look at it
 _SIDE_S = 30.0  # to get there
@@ -101,9 +104,12 @@ class Arrival(Candidates):
         before, (middle_xy_m, _) = candidate.place, self._middle(candidate)
         candidate, chance = replace(candidate, against=0), _chance_unsure(candidate)
         for side in self._sides(candidate, _SIDES):
+            surest = candidate.surest
             candidate = self._regarded(replace(candidate, place=side))
             if candidate.is_sure(self.pilot.config):
                 return self._close_in(candidate)
+            if candidate.surest > surest:
+                chance = max(chance, at_odds(candidate.surest, _UNSURE))
             chance = at_odds(chance, _AGAIN)
             self.note(self.pilot.look_around())
             if chance < EVEN or self._is_surer_elsewhere(candidate.place, at_odds(chance, _SURER)):
@@ -253,6 +259,7 @@ class Arrival(Candidates):
         nearest = int(np.where(seen, ring, np.inf).argmin())
         met = sighted(pilot.here, float(beams[nearest]), float(ring[nearest])).xy_m
         within_m = half_m + _FELT_STD * sight.place(stood).std_m
+        within_m = max(within_m, pilot.config.share * _OF_IT_M)
         of_it = float(np.hypot(*(met - middle))) <= within_m
         return met if of_it and ring[nearest] <= _TOUCH_M else None
 

@@ -18,9 +18,7 @@ from vrchain.navigation.planning.relative_poses import (
 from vrchain.navigation.planning.reputation import EVEN, reputations
 from vrchain.navigation.settings import Published, age_of, panorama_name, robot_of
 
-# Comparisons, at a plan, beyond the usual ones, if those leave the goal cut off: of 475 in missions
-# of seeds 1365 and 1368 one joined something.
-_BRIDGES = 10
+_BRIDGES = 40  # comparisons, at a plan, beyond the usual ones, if those leave the goal cut off
 _UNSURE = (0.05, 0.99)  # a relative pose of such a chance is checked by further comparisons
 
 
