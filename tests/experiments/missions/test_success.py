@@ -29,6 +29,7 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
 from vrchain.navigation.settings import MissionConfig
 from vrchain.simulation.simulator import Simulator
+from vrchain.world.render import Renderer
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
 SHORT = Conditions(20.0, config=MissionConfig(limit_s=150.0))
@@ -123,6 +124,30 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
     assert list(table.driven_m) == pytest.approx([w["R1"][1] for w in ways])
     assert (table.driven_m > 3.0).all()
     assert table.seconds_simulated.between(15.0, 16.0).all()  # the patrol is no part of it
+
+
+def test_a_patrol_is_drawn_once_and_the_second_arm_drives_as_if_it_were_the_first(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(drive, "learned_perception", blind)
+    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    monkeypatch.setattr(drive.Suburb, "_goal", lambda *mission: nowhere)
+    shown, render = list[Pose](), Renderer.render
+    monkeypatch.setattr(
+        Renderer, "render", lambda own, pose, *a: shown.append(pose) or render(own, pose, *a)
+    )
+    soon = Conditions(20.0, config=MissionConfig(limit_s=10.0))
+
+    def driven(*arms: str) -> pd.DataFrame:
+        shown.clear()
+        folder = tmp_path / "-".join(arms)
+        table, _ = evaluate(HAMLET, 1, 4, arms, seed=3, folder=folder, rig=RIG, conditions=soon)
+        return table.drop(columns="wall_s")
+
+    first, alone = driven("oracle"), len(shown)
+    second = driven("ledger", "oracle")
+    assert alone < len(shown) <= 2 * alone - 3  # three others looked before
+    pd.testing.assert_frame_equal(second[1:].reset_index(drop=True), first)
 
 
 # --- the figures, of rows made up for them ---

@@ -124,12 +124,6 @@ class _Recalled(Renderer):
         return replace(drawn)  # with nothing that is derived from it
 
 
-@lru_cache(maxsize=1)
-def _recalled(renderer: Renderer, mission: int) -> _Recalled:
-    """Of the mission at work."""
-    return _Recalled(renderer)
-
-
 class Suburb:
     """One scene with all that is made of it once, and missions in it."""
 
@@ -138,6 +132,8 @@ class Suburb:
         self.truth, self.renderer = GroundTruth(self.scene), Renderer(self.scene)
         self.ground = Ground(self.scene, self.truth, rig)
         self._scenes = scenes
+        # of the mission at work
+        self._recalled = lru_cache(maxsize=1)(lambda renderer, mission: _Recalled(renderer))
 
     def _before(self, conditions: Conditions) -> Renderer:
         """Draws the scene as it was on the others' patrol."""
@@ -150,7 +146,7 @@ class Suburb:
         number = self.seed * 100_003 + self.k * 1009 + mission.number
         simulator = Simulator(self.scene, mission.poses, seed=number, rig=self.rig)
         before = self._before(conditions)
-        simulator.truth, simulator.renderer = self.truth, _recalled(before, number)
+        simulator.truth, simulator.renderer = self.truth, self._recalled(before, number)
         robot, *others = mission.poses
         members = {name: simulated_key(number, name).public for name in mission.poses}
         operator = simulated_key(number, "operator")
