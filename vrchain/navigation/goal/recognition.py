@@ -41,6 +41,10 @@ _AMONG = 3  # proposals looked at closely
 BY_CHANCE = 4  # keypoints that agree by chance
 _MANY, _LEAST_ODDS = 16, -3.0  # keypoints that agree beyond chance, which would not do either
 _SIZED_MATCHES = 8  # keypoints from which a size is told
+# What a wide thing shows is farther than its nearest side, by so much of half its width: in 272
+# sights of 12 goals in suburbs of seed 1373. From 8 to 14 m its side was more than 2 m nearer than
+# that in 22 %, and is in 6 %.
+_BEYOND = 0.25
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 
@@ -140,7 +144,9 @@ class GoalPictures:
         away_m = [
             self.taken_m[k] / s.scale for k, s in seen.items() if s.n_matches >= _SIZED_MATCHES
         ]
-        side_m = float(np.median(away_m)) if away_m else surface_m(look, i)
+        side_m = surface_m(look, i)
+        if away_m:
+            side_m = float(np.median(away_m)) * (1 - _BEYOND * min(half_rad, 1.0))
         return GoalSight(
             float(wrap_angle_rad(bearing)), float(range_m), side_m, half_rad, matches,
             float(looks), float(1 / (1 + np.exp(-odds))), bool(away_m), n_shown,
