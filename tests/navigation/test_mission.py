@@ -272,7 +272,7 @@ def test_what_only_resembles_the_goal_is_doubted_and_not_tried_again() -> None:
             *street().things[1:],
         )
     )
-    easy = replace(PATIENT, least_trust=0.2)
+    easy = replace(PATIENT, least_trust=0.05)
     result, body = drive(plain, TEAM, goal=STREET_GOAL, config=easy)
     assert not result.arrived
     assert goal_range_m(body) <= easy.arrival_m + 0.3  # it was looked at from right before it

@@ -8,7 +8,7 @@ import numpy as np
 from vrchain.geometry import Pose
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.driving.drive import Pilot
-from vrchain.navigation.driving.estimates import Array
+from vrchain.navigation.driving.exploring import Looked
 from vrchain.navigation.goal.recognition import KnownGoal
 from vrchain.navigation.goal.rejections import Rejections
 from vrchain.navigation.perception import Look
@@ -60,13 +60,14 @@ class Replanner:
         at = dict(zip(names, self.own, strict=True))[route.robots[0]]
         return at[0], at[2]
 
-    def looked_by_others(self, found: Plan) -> list[Array]:
-        """From where others, as far as that is sure, did not see the goal."""
+    def looked_by_others(self, found: Plan) -> list[Looked]:
+        """From where others, as far as that is sure, did not see the goal, and what they saw."""
         own = {panorama_name(self.robot, k): stood for k, (stood, _, _) in enumerate(self.own)}
         return [
-            pose.xy_m for name, pose in found.poses.reached(own).items()
+            (pose, found.looks[name].proposals)
+            for name, pose in found.poses.reached(own).items()
             if name in found.published and name not in found.goal_seen_by
-        ]  # fmt: skip
+        ]
 
     def _lasting(self, seen: Published) -> float:
         """The chance that a view has not changed since."""

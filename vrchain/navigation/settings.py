@@ -48,7 +48,7 @@ class MissionConfig:
     # 10046 and 10047, 12 were right.
     likely: float = 0.7
     least_chance: float = 0.1  # of a sight that is kept in mind
-    least_trust: float = 0.5  # of a route that is worth driving: on its way it looks around too
+    least_trust: float = 0.3  # of a route that is worth driving: on its way it looks around too
     explores: bool = True  # whether it goes and looks elsewhere where no route leads on
     explore_m: float = 26.0  # from all places where it has looked around
     reputation: bool = True  # whether a robot's word of its way counts less when others deny it

@@ -25,7 +25,6 @@ from vrchain.world.model import Scene
 
 FORMS = ("mcap", "sqlite3", "ros1")
 IMAGES = {"jpeg": Codec("jpeg", 90), "png": Codec("png"), "raw": None}
-TICK_S = 0.6  # of the patrol: odometry and scans are as frequent
 
 
 class BagWriter:

@@ -1,11 +1,29 @@
+from itertools import product
+
 import numpy as np
 import pytest
+from numpy.typing import NDArray
 from plains import PERCEPTION, Plain, Thing, Walker
 
 from vrchain.geometry import Pose
+from vrchain.landmarks.extraction.proposer import Proposals, nothing
 from vrchain.navigation.driving.drive import Pilot
-from vrchain.navigation.driving.exploring import Explorer
+from vrchain.navigation.driving.exploring import Explorer, Looked
 from vrchain.navigation.settings import GaveUp, MissionConfig
+
+
+def everything(proposals: Proposals) -> NDArray[np.bool_]:
+    return np.ones(len(proposals), dtype=bool)
+
+
+def silent(what: str, why: str, look: int | None = None, **values: object) -> None:
+    """Takes nothing down."""
+
+
+def looked_at(*places: tuple[float, float]) -> list[Looked]:
+    """From where somebody has looked, and saw nothing."""
+    return [(Pose(float(x), float(y)), nothing()) for x, y in places]
+
 
 POST = Plain((Thing("post", (500.0, 0.0)),))
 
@@ -13,7 +31,7 @@ POST = Plain((Thing("post", (500.0, 0.0)),))
 def explored(n: int, config: MissionConfig, shut_in: bool = False) -> tuple[Pilot, list[str]]:
     """Looks, n of them, each after a stretch of exploring; and what was logged."""
     pilot, told = Pilot(Walker(POST, Pose(0.0, 0.0, 0.4), shut_in), PERCEPTION, config), []
-    explorer = Explorer(pilot, lambda what, why, look=None, **values: told.append(what))
+    explorer = Explorer(pilot, everything, lambda what, why, look=None, **values: told.append(what))
     for _ in range(n):
         pilot.look_around()
         explorer.drive_on()
@@ -23,7 +41,7 @@ def explored(n: int, config: MissionConfig, shut_in: bool = False) -> tuple[Pilo
 def test_it_goes_where_it_has_not_looked() -> None:
     config = MissionConfig(explore_m=20.0)
     pilot, told = explored(12, config)
-    looked = np.array(pilot.looked)
+    looked = np.array([pose.xy_m for pose, _ in pilot.looked])
     assert told and set(told) == {"explore"}
     steps_m = np.hypot(*np.diff(looked, axis=0).T)
     assert steps_m.max() <= config.search_every_m + 1.5
@@ -40,10 +58,10 @@ def test_shut_in_there_is_nowhere_left_to_look() -> None:
 def test_who_has_looked_everywhere_looks_everywhere_anew() -> None:
     pilot = Pilot(Walker(POST, Pose(0.0, 0.0)), PERCEPTION, MissionConfig(explore_m=40.0))
     side_m = np.arange(-80.0, 80.1, 4.0)
-    pilot.looked.extend(np.stack(np.meshgrid(side_m, side_m), axis=-1).reshape(-1, 2))
+    pilot.looked.extend(looked_at(*product(side_m, side_m)))
     pilot.look_around()
     told: list[str] = []
-    explorer = Explorer(pilot, lambda what, why, look=None, **values: told.append(what))
+    explorer = Explorer(pilot, everything, lambda what, why, look=None, **values: told.append(what))
     explorer.drive_on()
     assert told == ["explore"] and np.hypot(*pilot.here.xy_m) > 5.0
 
@@ -56,15 +74,15 @@ def test_time_runs_out_on_the_way() -> None:
 def test_where_others_have_looked_it_goes_last() -> None:
     """Ahead others have looked, so it goes aside; where they looked everywhere, it goes on."""
     config = MissionConfig(explore_m=20.0)
-    ahead = [np.array([20.0, y]) for y in (-20.0, 0.0, 20.0)]
+    ahead = [(20.0, y) for y in (-20.0, 0.0, 20.0)]
     angle = np.linspace(0, 2 * np.pi, 24, endpoint=False)
-    rings = [r * np.array([np.cos(a), np.sin(a)]) for r in (20.0, 40.0, 60.0, 80.0) for a in angle]
+    rings = [(r * np.cos(a), r * np.sin(a)) for r in (20.0, 40.0, 60.0, 80.0) for a in angle]
     went = {}
     for name, others in {"alone": [], "ahead": ahead, "everywhere": rings}.items():
         pilot = Pilot(Walker(POST, Pose(0.0, 0.0)), PERCEPTION, config)
-        explorer = Explorer(pilot, lambda what, why, look=None, **values: None)
+        explorer = Explorer(pilot, everything, silent)
         pilot.look_around()
-        explorer.drive_on(others)
+        explorer.drive_on(looked_at(*others))
         went[name] = pilot.here
     assert went["alone"].x_m > 8.0
     assert went["ahead"].x_m < 3.0
@@ -72,12 +90,38 @@ def test_where_others_have_looked_it_goes_last() -> None:
 
 
 @pytest.mark.parametrize("side", [-1.0, 1.0])
-def test_it_goes_where_more_stands_that_it_saw_from_afar_only(side: float) -> None:
-    """Beside the way that it would take otherwise, things can be seen far off on one side."""
-    things = tuple(Thing(f"{x}", (float(x), side * 30.0)) for x in (-12, 0, 12))
-    pilot = Pilot(Walker(Plain(things), Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
+def test_it_goes_to_see_what_was_seen_from_afar_only(side: float) -> None:
+    """By itself, or by another who passed in the distance; not what cannot be the goal."""
+    things = Plain(tuple(Thing(f"{x}", (float(x), side * 35.0)) for x in (-12, 0, 12)))
+    other = Pose(0.0, side * 75.0)
+    seen = [(other, things.look(other).proposals)]
+    nobody = Plain((Thing("post", (500.0, 0.0)),))
+    for plain, others, may_be, goes in (
+        (things, [], everything, True),
+        (nobody, seen, everything, True),
+        (things, seen, lambda p: ~everything(p), False),
+    ):
+        pilot = Pilot(Walker(plain, Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
+        pilot.look_around()
+        Explorer(pilot, may_be, silent).drive_on(others)
+        assert (side * pilot.here.y_m > 6.0) is goes
+
+
+def test_what_somebody_has_seen_from_near_it_does_not_go_to_see() -> None:
+    things = Plain((Thing("near others", (0.0, 35.0)), Thing("far", (0.0, -45.0))))
+    pilot = Pilot(Walker(things, Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
     pilot.look_around()
-    assert len(pilot.standing[0]) == 3
-    assert pilot.standing[0] == pytest.approx(np.array([t.xy_m for t in things]), abs=6.0)
-    Explorer(pilot, lambda what, why, look=None, **values: None).drive_on()
-    assert side * pilot.here.y_m > 6.0
+    Explorer(pilot, everything, silent).drive_on(looked_at((0.0, 45.0)))
+    assert pilot.here.y_m < -6.0
+
+
+def test_what_cannot_be_got_to_is_left() -> None:
+    """Walled in on one side, it goes to the other after a try."""
+    things = Plain((Thing("ahead", (40.0, 0.0)), Thing("behind", (-55.0, 0.0))))
+    pilot = Pilot(Walker(things, Pose(0.0, 0.0), shut_in=True), PERCEPTION, MissionConfig())
+    explorer, missed = Explorer(pilot, everything, silent), set[tuple[float, float]]()
+    for _ in range(3):
+        pilot.look_around()
+        explorer.drive_on()
+        missed.add(tuple(np.round(explorer._unreachable[-1])))
+    assert len(missed) == 3

@@ -348,6 +348,13 @@ def test_round_its_corner_what_is_touched_is_the_goal(
         assert np.hypot(*(met - [8.0, y_m])) == pytest.approx(met_m)
 
 
+def test_what_is_touched_beside_an_open_way_to_the_goal_is_something_else() -> None:
+    """As it was met: at a hedge, 4 m before its goal's wall, a robot took that for the goal."""
+    ours = arrival(Standing(Pose(8.0, 3.5), 0.6))
+    ours.pilot.ahead_m = lambda *bearing_rad: 4.0
+    assert ours._touched(at(5.0, (0.0, sight_of(5.0, 60)))) is None
+
+
 class BesideAWall(Standing):
     """Along a wall to the right, and before what may be a bush."""
 

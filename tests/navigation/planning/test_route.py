@@ -29,7 +29,7 @@ class Shown:
     record: None = None
 
 
-def find(look: Shown) -> GoalSight | None:
+def find(look: Shown, *around: float) -> GoalSight | None:
     """The goal, known by 15 keypoints or more."""
     if look.matches < 15:
         return None

@@ -158,6 +158,10 @@ class TrueGoal:
         )  # fmt: skip
         return sight if fair(sight) else None
 
+    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
+        """All: of what kind it is does not matter to who cannot err."""
+        return np.ones(len(proposals), dtype=bool)
+
 
 def _index_of(p: Proposals, embedding: NDArray[np.float32]) -> int | None:
     """Which proposal is the thing of an embedding, if any."""

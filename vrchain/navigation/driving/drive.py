@@ -5,7 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
+from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.navigation.driving.estimates import Array, Estimate
 from vrchain.navigation.driving.obstacles import REACH_M, ObstacleMap
 from vrchain.navigation.perception import Look, Perception
@@ -16,7 +17,6 @@ from vrchain.robot import Observation, beams_rad, newcomer_m, steer
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
 _TICKS = 3  # of steering between two searches for a path
-_PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
 _YIELDS_M = 1.2  # to what drives so near: steering minds only what is ahead
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
 _ONE_SURFACE_M = 1.0  # neighbouring beams that end no farther apart meet one surface
@@ -26,16 +26,15 @@ class Pilot:
     """A robot's body and perception, what it has met and looked at, and its clock.
 
     now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
-    looked: where they were taken; standing: where what was proposed in them stands, about, (n, 2)
-    each; latest: the last look around, and from where. Places are in the odometry's frame.
+    looked: where they were taken, and what was proposed there; latest: the last look around, and
+    from where. Places are in the odometry's frame.
     """
 
     def __init__(self, body: Body, perception: Perception, config: MissionConfig) -> None:
         self.body, self.perception, self.config = body, perception, config
         self.obstacles = ObstacleMap()
         self.looks: list[Panorama] = []
-        self.looked: list[Array] = []
-        self.standing: list[Array] = []
+        self.looked: list[tuple[Pose, Proposals]] = []
         self.latest: tuple[Pose, Look] | None = None
         self.now: Observation = body.observe()
         self._before = self.now  # the last time it drove
@@ -52,12 +51,8 @@ class Pilot:
         self.now = self.body.observe(look=True)
         assert self.now.panorama is not None
         self.looks.append(self.now.panorama)
-        self.looked.append(self.here.xy_m)
         look = self.perception.examine(self.now)
-        p = look.proposals
-        surely = (p.score >= _PROPOSED) & (p.range_m < _FARTHEST_M)
-        turn = rotation_z(self.here.yaw_rad)[:2, :2]
-        self.standing.append(np.asarray(self.here.xy_m + p.xy_m[surely] @ turn.T))
+        self.looked.append((self.here, look.proposals))
         self.latest = self.here, look
         return look
 

@@ -1,47 +1,59 @@
 """Going and looking where nobody has looked yet, as far as the robot knows.
 
-Of such places it takes one that is near and around which much stands that it saw from afar only:
-along a suburb's edge there is little to find. Where none is as far from all others as in a suburb,
-as in rooms, half, a quarter or an eighth of that will do. Where none is left at all, it looks
-everywhere anew: it may have passed by what it seeks, and others may know more by now.
+First at what may be the goal, by its kind, and was seen from afar only, by the robot or by others:
+where more of it stands together, and near. Then where nobody has been. Where no such place is as
+far from all others as in a suburb, as in rooms, half, a quarter or an eighth of that will do. Where
+none is left at all, it looks everywhere anew: it may have passed by what it seeks, and others may
+know more by now.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from itertools import product
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
-from vrchain.geometry import wrap_angle_rad
+from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.driving.estimates import Array
 from vrchain.navigation.settings import GaveUp, Log
 
+Looked = tuple[Pose, Proposals]  # from where, by the robot's odometry, and what was proposed
+
 _TURNS = 16  # directions in which it may go and look elsewhere
 _WITHIN_M = 60.0
 _TURN_M = 4.0  # of way, that a radian of turn counts for
-_SEEN_M, _SHOWS_M = 15.0, 20.0  # what was seen from so near is known; a place shows so much around
-_CELL_M = 5.0  # what is seen to stand in one such cell is one thing
+_PROPOSED, _FARTHEST_M = 0.5, 60.0  # score and range of what is taken to stand somewhere
+_SEEN_M, _ONE_M = 18.0, 7.0  # what was seen from so near is known; sights so near are of one thing
+_ASIDE_M, _SIDES = 10.0, 8  # from what it goes to see, and from how many sides it may
+_LOOK_M = 30.0  # a look counts for so much way: it may show several things
 _SHARES = (1.0, 0.5, 0.25, 0.125)  # of all that is far, one after the other
-_WORTH = 6.0  # so many things to see are worth as long a way again
 
 
 class Explorer:
-    """Drives on, a look at a time, towards a place around which it has not looked."""
+    """Drives on, a look at a time, towards a place around which it has not looked.
 
-    def __init__(self, pilot: Pilot, log: Log) -> None:
-        self.pilot, self.log = pilot, log
+    may_be: which proposals may be the goal, by their kind, (n,) bool.
+    """
+
+    def __init__(
+        self, pilot: Pilot, may_be: Callable[[Proposals], NDArray[np.bool_]], log: Log
+    ) -> None:
+        self.pilot, self.may_be, self.log = pilot, may_be, log
         self._unreachable: list[Array] = []
         self._target: Array | None = None
         self._forgotten = 0  # looks, the first ones
 
-    def drive_on(self, others_xy_m: Sequence[Array] = ()) -> None:
+    def drive_on(self, others: Sequence[Looked] = ()) -> None:
         """Drive some way towards such a place; GaveUp if there is none.
 
-        others_xy_m: where others have looked, which is left out while anything else is left.
+        others: where others have looked, which is left out while anything else is left, and what
+        was proposed there.
         """
         pilot = self.pilot
-        share, target = self._unseen_anywhere(others_xy_m)
+        share, target = self._unseen_anywhere(others)
         if self._target is None or np.hypot(*(target - self._target)) > 1e-6:
             self.log("explore", "going where nobody has looked yet", len(pilot.looks) - 1)
         self._target = target
@@ -55,44 +67,79 @@ class Explorer:
                 return
             way_m += driven_m
 
-    def _unseen_anywhere(self, others_xy_m: Sequence[Array]) -> tuple[float, Array]:
+    def _unseen_anywhere(self, others: Sequence[Looked]) -> tuple[float, Array]:
         """The best such place, and the share of what is far there; GaveUp if there is none."""
         for _ in range(2):
-            for share, others in product(_SHARES, (others_xy_m, ())):
-                target = self._unseen(share, others)
-                if target is not None:
-                    return share, target
+            for share, also in product(_SHARES, (others, ())):
+                for choose in (self._to_see, self._unseen):
+                    target = choose(share, also)
+                    if target is not None:
+                        return share, target
             self._forgotten = len(self.pilot.looked) - 1
         raise GaveUp("there is nowhere left to look from where I can get")
 
-    def _unseen(self, share: float, others_xy_m: Sequence[Array]) -> Array | None:
+    def _looked(self, others: Sequence[Looked]) -> list[Array]:
+        """Where it or others have looked, as far as it is not forgotten."""
+        own = [pose for pose, _ in self.pilot.looked[self._forgotten :]]
+        return [pose.xy_m for pose in (*own, *(pose for pose, _ in others))]
+
+    def _to_see(self, share: float, others: Sequence[Looked]) -> Array | None:
+        """The best place beside what may be the goal and was seen from afar only."""
+        stands = [self._things(*seen) for seen in (*self.pilot.looked, *others)]
+        range_m, things = (np.concatenate(part) for part in zip(*stands, strict=True))
+        left = things[np.argsort(range_m, kind="stable")]  # placed the more surely the nearer
+        left = left[cdist(left, self._looked(others)).min(axis=1) > share * _SEEN_M]
+        aside_m = share * _ASIDE_M
+        for missed in self._unreachable:
+            left = left[np.hypot(*(left - missed).T) > aside_m + 1.0]
+        apart = list[Array]()
+        while len(left):
+            apart.append(left[0])
+            left = left[np.hypot(*(left - left[0]).T) > share * _ONE_M]
+        if not apart:
+            return None
+        places = np.concatenate([xy_m + aside_m * _around(_SIDES) for xy_m in apart])
+        n_seen = (cdist(places, apart) < share * _SEEN_M).sum(axis=1)
+        return self._best(places, (self._ways_m(places) + share * _LOOK_M) / n_seen)
+
+    def _things(self, here: Pose, proposals: Proposals) -> tuple[Array, Array]:
+        """From how far what may be the goal was seen, (n,), and where it stands, (n, 2)."""
+        near = (proposals.score >= _PROPOSED) & (proposals.range_m < _FARTHEST_M)
+        chosen = near & self.may_be(proposals)
+        turn = rotation_z(here.yaw_rad)[:2, :2]
+        return proposals.range_m[chosen], here.xy_m + proposals.xy_m[chosen] @ turn.T
+
+    def _unseen(self, share: float, others: Sequence[Looked]) -> Array | None:
         """The best place far from all looked-at ones; as before, if that is near."""
-        pilot, apart_m = self.pilot, share * self.pilot.config.explore_m
-        looked = pilot.looked[self._forgotten :]
-        known = np.array([*looked, *self._unreachable, *others_xy_m])
-        angle = np.arange(_TURNS) * 2 * np.pi / _TURNS
-        rim = (apart_m + 1.0) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
-        places = (known[:, None] + rim).reshape(-1, 2)
+        apart_m = share * self.pilot.config.explore_m
+        known = np.array([*self._looked(others), *self._unreachable])
+        places = (known[:, None] + (apart_m + 1.0) * _around(_TURNS)).reshape(-1, 2)
         places = places if self._target is None else np.vstack([self._target, places])
         new = cdist(places, known).min(axis=1) >= apart_m
-        own = self._target is not None and bool(new[0])
-        near = np.hypot(*(places - pilot.here.xy_m).T) < share * _WITHIN_M
-        places = places[new & near]
-        if len(places) == 0:
+        near = np.hypot(*(places - self.pilot.here.xy_m).T) < share * _WITHIN_M
+        if not (new & near).any():
             return None
-        turn = np.arctan2(*(places - pilot.here.xy_m).T[::-1]) - pilot.here.yaw_rad
-        value = pilot.obstacles.lengths_m(pilot.here, places)
-        value += _TURN_M * np.abs(wrap_angle_rad(turn))
-        value /= 1 + self._to_see(places, share) / _WORTH
-        if own and near[0]:
-            value[0] *= 0.6  # no dithering
-        best = int(value.argmin())
-        return np.asarray(places[best]) if np.isfinite(value[best]) else None
+        own = self._target is not None and bool((new & near)[0])
+        places = places[new & near]
+        ways_m = self._ways_m(places)
+        if own:
+            ways_m[0] *= 0.6  # no dithering
+        return self._best(places, ways_m)
 
-    def _to_see(self, places: Array, share: float) -> Array:
-        """How much stands around each that was seen from afar only: (n,)."""
-        things, looked = np.concatenate(self.pilot.standing), np.array(self.pilot.looked)
-        afar = cdist(things, looked).min(axis=1) > share * _SEEN_M
-        cell_m = share * _CELL_M
-        cells = cell_m * np.unique(np.round(things[afar] / cell_m), axis=0)
-        return np.asarray((cdist(places, cells) < share * _SHOWS_M).sum(axis=1))
+    def _ways_m(self, places: Array) -> Array:
+        """How long the ways are, turns at the start counted in: (n,), infinite where none is."""
+        here = self.pilot.here
+        turn = np.arctan2(*(places - here.xy_m).T[::-1]) - here.yaw_rad
+        ways_m = self.pilot.obstacles.lengths_m(here, places)
+        return np.asarray(ways_m + _TURN_M * np.abs(wrap_angle_rad(turn)))
+
+    def _best(self, places: Array, cost: Array) -> Array | None:
+        """Of places (n, 2) that of the least cost, (n,); None if there is no way to any."""
+        best = int(cost.argmin())
+        return np.asarray(places[best]) if np.isfinite(cost[best]) else None
+
+
+def _around(n: int) -> Array:
+    """Directions all around, (n, 2)."""
+    angle = np.arange(n) * 2 * np.pi / n
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)

@@ -254,8 +254,10 @@ class Arrival(Candidates):
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
         ring = pilot.now.range_ring_m
         beams = beams_rad(len(ring))
-        towards = np.abs(wrap_angle_rad(beams - _about(middle).bearing_rad(pilot.here)))
-        seen = (towards <= _BESIDE_RAD) & (ring > UNSEEN_M)
+        bearing = _about(middle).bearing_rad(pilot.here)
+        if pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
+            return None  # its own wall would be in the way to its middle
+        seen = (np.abs(wrap_angle_rad(beams - bearing)) <= _BESIDE_RAD) & (ring > UNSEEN_M)
         nearest = int(np.where(seen, ring, np.inf).argmin())
         met = sighted(pilot.here, float(beams[nearest]), float(ring[nearest])).xy_m
         within_m = half_m + _FELT_STD * sight.place(stood).std_m

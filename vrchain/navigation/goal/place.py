@@ -8,8 +8,10 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vrchain.homing import HomeVector, home_vector
+from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.navigation.driving.estimates import Estimate, sighted
 from vrchain.navigation.goal.candidates import EVEN, Candidate, Candidates
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
@@ -50,6 +52,10 @@ class GoalPlace:
             geometry.direction_rad, range_m, range_m, 0.0, len(found.common), 0.0, chance
         )
         return sight if fair(sight) else None
+
+    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
+        """All: where something stands, the place may be."""
+        return np.ones(len(proposals), dtype=bool)
 
     def homing(self, look: Look) -> HomeVector | None:
         """The way there from near; None: too little speaks for it."""

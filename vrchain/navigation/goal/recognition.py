@@ -12,8 +12,10 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
 from vrchain.landmarks.extraction.sift import extract
 from vrchain.landmarks.extraction.weights import SHIPPED
@@ -89,6 +91,9 @@ class KnownGoal(Protocol):
     ) -> GoalSight | None:
         """The best fair sight of the goal, within a window around a bearing if one is given."""
 
+    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
+        """Which proposals may be the goal, by their kind, whatever they look like: (n,)."""
+
 
 @dataclass(frozen=True, eq=False)
 class GoalPictures:
@@ -126,6 +131,11 @@ class GoalPictures:
             self._sight(look, int(i), looks[i], alike[i]) for i in chosen if np.isfinite(worth[i])
         ]
         return max(filter(fair, found), key=lambda s: s.chance, default=None)
+
+    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
+        """Those of a kind that its pictures show; all, if nothing is proposed in those."""
+        kinds = [r.proposals.kind[k] for r in self.shown.pictures if (k := subject(r)) is not None]
+        return np.isin(proposals.kind, kinds) | (not kinds)
 
     def _sight(self, look: Look, i: int, looks: float, alike: float) -> GoalSight:
         """Of a proposal, by how alike it looks, its spots, and its keypoints if they may decide."""

@@ -21,6 +21,7 @@ from vrchain.navigation.planning.comparisons import Compared
 from vrchain.navigation.planning.graph import Claim, LandmarkGraph, landmark_graph
 from vrchain.navigation.planning.planner import Chain
 from vrchain.navigation.planning.relative_poses import Pair, RelativePoses, baseline_m
+from vrchain.navigation.planning.witnesses import Find, borne_out
 from vrchain.navigation.settings import Published
 from vrchain.panorama import CameraRig
 
@@ -129,7 +130,7 @@ def plan(
     own: Sequence[tuple[Pose, Look]],
     published: Mapping[str, Published],
     index: LandmarkIndex[Look],
-    find: Callable[[Look], GoalSight | None],
+    find: Find,
     failed: Set[LandmarkKey] = frozenset(),
     rejected: Set[bytes] = frozenset(),
     trust: Callable[[Look, Look, Comparison], float] = lambda a, b, found: 1.0,
@@ -140,7 +141,8 @@ def plan(
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
     own: what the robot saw, and where it stood by odometry, the latest first; a route may begin at
-    any of these. published: panoramas of others, by name. find: the goal in a look. failed:
+    any of these. published: panoramas of others, by name. find: the goal in a look, or within a
+    window around a bearing; others bear a sight out, or do not (``witnesses``). failed:
     landmarks not to use again. rejected: digests of panoramas whose sight of the goal is not to be
     trusted. trust: the chance that the relative pose of two panoramas is right; it counts for more
     where others agree, for less where they do not. lasting: the chance that a view has not changed
@@ -154,7 +156,7 @@ def plan(
     known = {name: p for name, p in published.items() if name not in unreadable}
     panoramas = Compared(robot, own, known, index, trust, reputation)
     seen = _sights(known, panoramas.looks, find, rejected)
-    panoramas.compare_likely(alike, set(seen))
+    panoramas.compare_likely(alike, set(_unrivalled(seen)))
 
     def key(claim: Claim) -> LandmarkKey:
         # seen from b, whose panorama stands still while the driving robot's changes
@@ -162,8 +164,9 @@ def plan(
         a, b = (known[name].digest if name in known else b"" for name in (claim.a, claim.b))
         return a, b, round(float(np.degrees(bearing)) / 5) % 72
 
-    def draw_up() -> tuple[LandmarkGraph, Route | None]:
+    def draw_up() -> tuple[LandmarkGraph, Route | None, dict[str, GoalSight]]:
         poses = panoramas.poses()
+        sights = _unrivalled(borne_out(seen, panoramas.looks, poses, find))
         rights = {
             pair: poses.trust(pair) * min(lasting(known[name]) for name in pair if name in known)
             for pair in panoramas.found
@@ -171,25 +174,26 @@ def plan(
         claims = [_by_odometry(*step) for step in panoramas.steps()]
         claims += _claims(panoramas.found, rights, rig)
         claims = [claim for claim in claims if key(claim) not in failed]
-        chances = {name: sighting.chance for name, sighting in seen.items()}
+        chances = {name: sighting.chance for name, sighting in sights.items()}
         graph = landmark_graph(panoramas.names, claims, chances)
         chain = graph.planner.best(
             0, {panoramas.names.index(name): chance for name, chance in chances.items()},
             without_legs=[k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed],
         )  # fmt: skip
-        return graph, _route(graph, chain, seen, key, panoramas) if chain else None
+        route = _route(graph, chain, sights, key, panoramas) if chain else None
+        return graph, route, sights
 
-    graph, route = draw_up()
+    graph, route, sights = draw_up()
     for _ in range(_CHECKS):
         legs = route.legs if route else ()
         asked = panoramas.check((leg.seen_by, leg.next_by) for leg in legs)
         if not asked and (route is None or route.trust < _UNLIKELY):
-            asked = panoramas.bridge(set(seen))
+            asked = panoramas.bridge(set(sights))
         if not asked:
             break
-        graph, route = draw_up()
+        graph, route, sights = draw_up()
     return Plan(
-        route, graph, seen, unreadable, known, panoramas.looks, panoramas.poses(),
+        route, graph, sights, unreadable, known, panoramas.looks, panoramas.poses(),
         panoramas.doubted(),
     )  # fmt: skip
 
@@ -205,7 +209,7 @@ def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool
 def _sights(
     known: Mapping[str, Published],
     looks: Mapping[str, Look],
-    find: Callable[[Look], GoalSight | None],
+    find: Find,
     rejected: Set[bytes],
 ) -> dict[str, GoalSight]:
     """Which panoramas show the goal."""
@@ -214,8 +218,13 @@ def _sights(
         sighting = None if p.digest in rejected else find(looks[name])
         if sighting and sighting.chance >= _LEAST_SIGHT:
             seen[name] = sighting
+    return seen
+
+
+def _unrivalled(seen: Mapping[str, GoalSight]) -> dict[str, GoalSight]:
+    """The sights that are not of others, as the goal is one thing."""
     surest = max((s.chance for s in seen.values()), default=0.0)
-    return {name: s for name, s in seen.items() if s.chance >= _RIVAL * surest}
+    return {name: s for name, s in seen.items() if s.chance >= max(_LEAST_SIGHT, _RIVAL * surest)}
 
 
 def _claims(

@@ -1,0 +1,70 @@
+"""Whether others bear out a sight of the goal: what was taken near to it should show it too.
+
+A panorama alone takes what looks like the goal for it now and then, mostly from afar. Whoever
+passed nearer has seen the same thing better.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+from vrchain.geometry import Pose
+from vrchain.navigation.goal.recognition import GoalSight
+from vrchain.navigation.perception import Look
+from vrchain.navigation.planning.relative_poses import ORIGIN, RelativePoses
+
+Find = Callable[..., GoalSight | None]
+"""The goal in a look, or in it within a window around a bearing: both in radians."""
+
+# The odds times so much for each witness that sees the goal there, and for each that sees nothing
+# like it; of so many, the nearest to it. One sight is worth odds of 20 at most, once others speak.
+_FOR, _AGAINST, _HEARD, _ALONE = 4.0, 0.36, 6, 20.0
+_NEAR_M, _TOO_NEAR_M = 25.0, 1.5
+_SEES, _NOTHING = 0.5, 0.05  # chance of a sight from which it speaks for the goal, or against it
+_SAME_M = 12.0  # within which two sights are of one thing
+_LOST = 0.01  # odds below which no more witnesses are heard
+_WINDOW_RAD, _STEP_RAD = 0.25, 0.2  # around a bearing, asked for in steps: an answer serves again
+
+
+def borne_out(
+    seen: Mapping[str, GoalSight],
+    looks: Mapping[str, Look],
+    poses: RelativePoses,
+    find: Find,
+) -> dict[str, GoalSight]:
+    """The sights, by the panoramas that show them, as likely as by what all others say of them.
+
+    looks: of all panoramas; poses: their relative poses, of which sure ones alone are followed.
+    """
+    found, taken = dict[str, GoalSight](), dict[str, Pose]()
+    for name, sight in seen.items():
+        if name not in taken:
+            taken = poses.reached({name: ORIGIN})
+        found[name] = replace(sight, chance=_chance(name, sight, taken, looks, find))
+    return found
+
+
+def _chance(
+    name: str, sight: GoalSight, taken: Mapping[str, Pose], looks: Mapping[str, Look], find: Find
+) -> float:
+    """That it is of the goal. taken: where panoramas were, in one frame."""
+    if not 0 < sight.chance < 1:
+        return sight.chance
+    there_m = sight.place(taken[name]).xy_m
+    ranges = sorted((pose.distance_to_m(there_m), other) for other, pose in taken.items())
+    near = [other for m, other in ranges if _TOO_NEAR_M <= m <= _NEAR_M and other != name]
+    heard = near[:_HEARD]
+    odds = sight.chance / (1 - sight.chance)
+    odds = min(odds, _ALONE) if heard else odds
+    for other in heard:
+        if odds < _LOST:
+            break
+        here = taken[other]
+        bearing = _STEP_RAD * round(here.bearing_to_rad(there_m) / _STEP_RAD)
+        again = find(looks[other], bearing, _WINDOW_RAD)
+        if again is None or again.chance < _NOTHING:
+            odds *= _AGAINST
+        elif (
+            again.chance >= _SEES and Pose(*there_m).distance_to_m(again.place(here).xy_m) < _SAME_M
+        ):
+            odds *= _FOR
+    return float(odds / (1 + odds))
