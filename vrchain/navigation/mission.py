@@ -68,7 +68,7 @@ def drive_mission(
     arrives = PlaceArrival if isinstance(goal, GoalPlace) else Arrival
     follower = Follower(replanner, arrives(pilot, goal, log), log)
     try:
-        _drive(follower, Explorer(pilot, goal.may_be, log))
+        _drive(follower, Explorer(pilot, goal.promise, log))
         arrived, reason = True, "the goal is in front of me"
     except GaveUp as end:
         arrived, reason = False, str(end)

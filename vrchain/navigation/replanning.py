@@ -64,7 +64,7 @@ class Replanner:
         """From where others, as far as that is sure, did not see the goal, and what they saw."""
         own = {panorama_name(self.robot, k): stood for k, (stood, _, _) in enumerate(self.own)}
         return [
-            (pose, found.looks[name].proposals)
+            (pose, found.looks[name])
             for name, pose in found.poses.reached(own).items()
             if name in found.published and name not in found.goal_seen_by
         ]

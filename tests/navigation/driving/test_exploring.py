@@ -6,14 +6,14 @@ from numpy.typing import NDArray
 from plains import PERCEPTION, Plain, Thing, Walker
 
 from vrchain.geometry import Pose
-from vrchain.landmarks.extraction.proposer import Proposals, nothing
 from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.driving.exploring import Explorer, Looked
+from vrchain.navigation.perception import Look
 from vrchain.navigation.settings import GaveUp, MissionConfig
 
 
-def everything(proposals: Proposals) -> NDArray[np.bool_]:
-    return np.ones(len(proposals), dtype=bool)
+def everything(look: Look) -> NDArray[np.float64]:
+    return np.full(len(look.proposals), 0.01)
 
 
 def silent(what: str, why: str, look: int | None = None, **values: object) -> None:
@@ -22,7 +22,8 @@ def silent(what: str, why: str, look: int | None = None, **values: object) -> No
 
 def looked_at(*places: tuple[float, float]) -> list[Looked]:
     """From where somebody has looked, and saw nothing."""
-    return [(Pose(float(x), float(y)), nothing()) for x, y in places]
+    empty = POST.look(Pose(0.0, 0.0))
+    return [(Pose(float(x), float(y)), empty) for x, y in places]
 
 
 POST = Plain((Thing("post", (500.0, 0.0)),))
@@ -94,16 +95,16 @@ def test_it_goes_to_see_what_was_seen_from_afar_only(side: float) -> None:
     """By itself, or by another who passed in the distance; not what cannot be the goal."""
     things = Plain(tuple(Thing(f"{x}", (float(x), side * 35.0)) for x in (-12, 0, 12)))
     other = Pose(0.0, side * 75.0)
-    seen = [(other, things.look(other).proposals)]
+    seen = [(other, things.look(other))]
     nobody = Plain((Thing("post", (500.0, 0.0)),))
-    for plain, others, may_be, goes in (
+    for plain, others, promise, goes in (
         (things, [], everything, True),
         (nobody, seen, everything, True),
-        (things, seen, lambda p: ~everything(p), False),
+        (things, seen, lambda look: 0 * everything(look), False),
     ):
         pilot = Pilot(Walker(plain, Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
         pilot.look_around()
-        Explorer(pilot, may_be, silent).drive_on(others)
+        Explorer(pilot, promise, silent).drive_on(others)
         assert (side * pilot.here.y_m > 6.0) is goes
 
 

@@ -158,9 +158,9 @@ class TrueGoal:
         )  # fmt: skip
         return sight if fair(sight) else None
 
-    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
-        """All: of what kind it is does not matter to who cannot err."""
-        return np.ones(len(proposals), dtype=bool)
+    def promise(self, look: Look) -> NDArray[np.float64]:
+        """The same for all: what it looks like does not matter to who cannot err."""
+        return np.full(len(look.proposals), 0.01)
 
 
 def _index_of(p: Proposals, embedding: NDArray[np.float32]) -> int | None:

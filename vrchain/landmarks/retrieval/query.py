@@ -4,7 +4,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.landmarks.extraction.raster import directions_of
@@ -74,9 +74,9 @@ def worth_of(appearance: Array, alike: Array) -> Array:
     return _APPEARANCE * appearance + _SPOTS * alike
 
 
-def depth(range_m: float) -> float:
-    """A range as it speaks for a sight: the log of it over a typical one."""
-    return float(np.log(np.clip(range_m, 1.0, 100.0) / _TYPICAL_M))
+def depth(range_m: ArrayLike) -> Array:
+    """Ranges as they speak for a sight: the log of each over a typical one."""
+    return np.asarray(np.log(np.clip(range_m, 1.0, 100.0) / _TYPICAL_M))
 
 
 def query_of(pictures: Sequence[LandmarkRecord]) -> Query:

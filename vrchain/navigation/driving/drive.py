@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.navigation.driving.estimates import Array, Estimate
 from vrchain.navigation.driving.obstacles import REACH_M, ObstacleMap
 from vrchain.navigation.perception import Look, Perception
@@ -26,7 +25,7 @@ class Pilot:
     """A robot's body and perception, what it has met and looked at, and its clock.
 
     now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
-    looked: where they were taken, and what was proposed there; latest: the last look around, and
+    looked: from where they were taken, and what they show; latest: the last look around, and
     from where. Places are in the odometry's frame.
     """
 
@@ -34,7 +33,7 @@ class Pilot:
         self.body, self.perception, self.config = body, perception, config
         self.obstacles = ObstacleMap()
         self.looks: list[Panorama] = []
-        self.looked: list[tuple[Pose, Proposals]] = []
+        self.looked: list[tuple[Pose, Look]] = []
         self.latest: tuple[Pose, Look] | None = None
         self.now: Observation = body.observe()
         self._before = self.now  # the last time it drove
@@ -52,7 +51,7 @@ class Pilot:
         assert self.now.panorama is not None
         self.looks.append(self.now.panorama)
         look = self.perception.examine(self.now)
-        self.looked.append((self.here, look.proposals))
+        self.looked.append((self.here, look))
         self.latest = self.here, look
         return look
 

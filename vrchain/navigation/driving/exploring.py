@@ -1,26 +1,26 @@
 """Going and looking where nobody has looked yet, as far as the robot knows.
 
-First at what may be the goal, by its kind, and was seen from afar only, by the robot or by others:
-where more of it stands together, and near. Then where nobody has been. Where no such place is as
-far from all others as in a suburb, as in rooms, half, a quarter or an eighth of that will do. Where
-none is left at all, it looks everywhere anew: it may have passed by what it seeks, and others may
-know more by now.
+First at what may be the goal and was seen from afar only, by the robot or by others: the way there
+is to be short for the chance that it is the goal, by what shows from afar. Then where nobody has
+been. Where no such place is as far from all others as in a suburb, as in rooms, half, a quarter or
+an eighth of that will do. Where none is left at all, it looks everywhere anew: it may have passed
+by what it seeks, and others may know more by now.
 """
 
 from collections.abc import Callable, Sequence
+from functools import cache
 from itertools import product
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.distance import cdist
 
 from vrchain.geometry import Pose, rotation_z, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.driving.estimates import Array
+from vrchain.navigation.perception import Look
 from vrchain.navigation.settings import GaveUp, Log
 
-Looked = tuple[Pose, Proposals]  # from where, by the robot's odometry, and what was proposed
+Looked = tuple[Pose, Look]  # from where, by the robot's odometry, and what it shows
 
 _TURNS = 16  # directions in which it may go and look elsewhere
 _WITHIN_M = 60.0
@@ -35,13 +35,11 @@ _SHARES = (1.0, 0.5, 0.25, 0.125)  # of all that is far, one after the other
 class Explorer:
     """Drives on, a look at a time, towards a place around which it has not looked.
 
-    may_be: which proposals may be the goal, by their kind, (n,) bool.
+    promise: the chance of each proposal in a look that it is the goal, (n,).
     """
 
-    def __init__(
-        self, pilot: Pilot, may_be: Callable[[Proposals], NDArray[np.bool_]], log: Log
-    ) -> None:
-        self.pilot, self.may_be, self.log = pilot, may_be, log
+    def __init__(self, pilot: Pilot, promise: Callable[[Look], Array], log: Log) -> None:
+        self.pilot, self.promise, self.log = pilot, cache(promise), log
         self._unreachable: list[Array] = []
         self._target: Array | None = None
         self._forgotten = 0  # looks, the first ones
@@ -50,7 +48,7 @@ class Explorer:
         """Drive some way towards such a place; GaveUp if there is none.
 
         others: where others have looked, which is left out while anything else is left, and what
-        was proposed there.
+        they saw.
         """
         pilot = self.pilot
         share, target = self._unseen_anywhere(others)
@@ -86,28 +84,30 @@ class Explorer:
     def _to_see(self, share: float, others: Sequence[Looked]) -> Array | None:
         """The best place beside what may be the goal and was seen from afar only."""
         stands = [self._things(*seen) for seen in (*self.pilot.looked, *others)]
-        range_m, things = (np.concatenate(part) for part in zip(*stands, strict=True))
-        left = things[np.argsort(range_m, kind="stable")]  # placed the more surely the nearer
-        left = left[cdist(left, self._looked(others)).min(axis=1) > share * _SEEN_M]
+        range_m, chance, things = (np.concatenate(part) for part in zip(*stands, strict=True))
         aside_m = share * _ASIDE_M
+        left = cdist(things, self._looked(others)).min(axis=1) > share * _SEEN_M
         for missed in self._unreachable:
-            left = left[np.hypot(*(left - missed).T) > aside_m + 1.0]
-        apart = list[Array]()
-        while len(left):
-            apart.append(left[0])
-            left = left[np.hypot(*(left - left[0]).T) > share * _ONE_M]
+            left &= np.hypot(*(things - missed).T) > aside_m + 1.0
+        apart, chances = list[Array](), list[float]()
+        for k in np.argsort(range_m, kind="stable"):  # placed the more surely the nearer
+            if left[k]:
+                same = left & (np.hypot(*(things - things[k]).T) <= share * _ONE_M)
+                apart.append(things[k])
+                chances.append(float(chance[same].max()))
+                left &= ~same
         if not apart:
             return None
         places = np.concatenate([xy_m + aside_m * _around(_SIDES) for xy_m in apart])
-        n_seen = (cdist(places, apart) < share * _SEEN_M).sum(axis=1)
-        return self._best(places, (self._ways_m(places) + share * _LOOK_M) / n_seen)
+        hopes = (cdist(places, apart) < share * _SEEN_M) @ np.array(chances)
+        return self._best(places, (self._ways_m(places) + share * _LOOK_M) / hopes)
 
-    def _things(self, here: Pose, proposals: Proposals) -> tuple[Array, Array]:
-        """From how far what may be the goal was seen, (n,), and where it stands, (n, 2)."""
-        near = (proposals.score >= _PROPOSED) & (proposals.range_m < _FARTHEST_M)
-        chosen = near & self.may_be(proposals)
+    def _things(self, here: Pose, look: Look) -> tuple[Array, Array, Array]:
+        """What may be the goal: from how far it was seen, its chance, (n,), and where, (n, 2)."""
+        p, chance = look.proposals, self.promise(look)
+        chosen = (p.score >= _PROPOSED) & (p.range_m < _FARTHEST_M) & (chance > 0)
         turn = rotation_z(here.yaw_rad)[:2, :2]
-        return proposals.range_m[chosen], here.xy_m + proposals.xy_m[chosen] @ turn.T
+        return p.range_m[chosen], chance[chosen], here.xy_m + p.xy_m[chosen] @ turn.T
 
     def _unseen(self, share: float, others: Sequence[Looked]) -> Array | None:
         """The best place far from all looked-at ones; as before, if that is near."""

@@ -8,11 +8,9 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vrchain.homing import HomeVector, home_vector
-from vrchain.landmarks.extraction.proposer import Proposals
-from vrchain.navigation.driving.estimates import Estimate, sighted
+from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.goal.candidates import EVEN, Candidate, Candidates
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
 from vrchain.navigation.perception import Look, Perception
@@ -53,9 +51,9 @@ class GoalPlace:
         )
         return sight if fair(sight) else None
 
-    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
-        """All: where something stands, the place may be."""
-        return np.ones(len(proposals), dtype=bool)
+    def promise(self, look: Look) -> Array:
+        """The same for all: where something stands, the place may be."""
+        return np.full(len(look.proposals), 0.01)
 
     def homing(self, look: Look) -> HomeVector | None:
         """The way there from near; None: too little speaks for it."""

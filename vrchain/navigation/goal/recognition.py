@@ -12,10 +12,8 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.landmarks.extraction.proposer import Proposals
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
 from vrchain.landmarks.extraction.sift import extract
 from vrchain.landmarks.extraction.weights import SHIPPED
@@ -29,7 +27,7 @@ from vrchain.landmarks.retrieval.template import (
     locate,
     template_around,
 )
-from vrchain.navigation.driving.estimates import Estimate, sighted
+from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.perception import Look, surface_m
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import Panorama
@@ -47,6 +45,7 @@ _SIZED_MATCHES = 8  # keypoints from which a size is told
 # sights of 12 goals in suburbs of seed 1373. From 8 to 14 m its side was more than 2 m nearer than
 # that in 22 %, and is in 6 %.
 _BEYOND = 0.25
+_PROMISE = 0.005, 0.5  # what shows from afar is never surer than that
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 
@@ -91,8 +90,8 @@ class KnownGoal(Protocol):
     ) -> GoalSight | None:
         """The best fair sight of the goal, within a window around a bearing if one is given."""
 
-    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
-        """Which proposals may be the goal, by their kind, whatever they look like: (n,)."""
+    def promise(self, look: Look) -> Array:
+        """The chance of each proposal that it is the goal, by what shows from afar: (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -132,10 +131,16 @@ class GoalPictures:
         ]
         return max(filter(fair, found), key=lambda s: s.chance, default=None)
 
-    def may_be(self, proposals: Proposals) -> NDArray[np.bool_]:
-        """Those of a kind that its pictures show; all, if nothing is proposed in those."""
+    def promise(self, look: Look) -> Array:
+        """By looks, spots and range; none for what is of no kind that its pictures show."""
+        p = look.proposals
+        known = np.stack([
+            np.ones(len(p)), self.shown.appearance(p.embedding, self.calibration),
+            10 * self.shown.alike(p, look.spots), depth(p.range_m),
+        ])  # fmt: skip
+        chance = 1 / (1 + np.exp(-(_BELIEF[:-1] @ known)))
         kinds = [r.proposals.kind[k] for r in self.shown.pictures if (k := subject(r)) is not None]
-        return np.isin(proposals.kind, kinds) | (not kinds)
+        return np.where(np.isin(p.kind, kinds) | (not kinds), chance.clip(*_PROMISE), 0.0)
 
     def _sight(self, look: Look, i: int, looks: float, alike: float) -> GoalSight:
         """Of a proposal, by how alike it looks, its spots, and its keypoints if they may decide."""
