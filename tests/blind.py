@@ -1,7 +1,10 @@
 """Eyes that see nothing."""
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
 from plains import CALIBRATION
 from sights import RIG
 
@@ -19,3 +22,14 @@ def blind(*weights: Path) -> Perception:
     return Perception(
         lambda s: look, lambda *s: look, lambda a, b: Comparison((), None), CALIBRATION
     )
+
+
+class Nowhere:
+    """A goal that nothing is."""
+
+    def find(self, *look: Any, **more: Any) -> None:
+        """Nothing is the goal,"""
+
+    def promise(self, look: Look) -> NDArray[np.float64]:
+        """and nothing looks like it."""
+        return np.zeros(len(look.proposals))

@@ -1,13 +1,12 @@
 """What missions are driven under: an old or thin ledger, another season, a raised goal."""
 
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 import worlds
-from blind import blind
+from blind import Nowhere, blind
 from hamlet import the_hamlet
 from sights import RIG
 
@@ -54,7 +53,7 @@ def driven(
         patched.setattr(drive, "Renderer", lambda scene: now)
         patched.setattr(drive, "_renderer", lambda scenes, seed, k: then)
         patched.setattr(drive, "learned_perception", blind)
-        nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+        nowhere = Nowhere()
         patched.setattr(drive, "goal_from", lambda pictures, share: nowhere)
         conditions = Conditions(PATROL_S, config=MissionConfig(limit_s=MISSION_S), **given)
         table, _ = evaluate(

@@ -4,13 +4,12 @@ import json
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from types import SimpleNamespace
 
 import numpy as np
 import pytest
 import sights
 import worlds
-from blind import blind
+from blind import Nowhere, blind
 from hamlet import the_hamlet
 
 from vrchain.errors import MissionError
@@ -126,7 +125,7 @@ def test_a_ledger_of_only_liars_is_given_up_in_time(
 ) -> None:
     monkeypatch.setattr(driving, "learned_perception", blind)
     monkeypatch.setattr(drawing, "WAY_M", (12.0, 60.0))
-    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    nowhere = Nowhere()
     monkeypatch.setattr(driving.Suburb, "_goal", lambda *mission: nowhere)
     conditions = Conditions(6.0, liars=3, lie=kind, config=MissionConfig(limit_s=12.0))
     table, _ = evaluate(

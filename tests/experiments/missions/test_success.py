@@ -2,13 +2,12 @@
 
 import json
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pandas as pd
 import pytest
-from blind import blind
+from blind import Nowhere, blind
 from hamlet import the_hamlet
 from sights import RIG
 
@@ -98,7 +97,7 @@ def test_alone_there_is_no_ledger_and_the_others_stand_and_all_else_is_the_same(
 
     monkeypatch.setattr(drive, "Simulator", simulator)
     monkeypatch.setattr(drive, "learned_perception", blind)
-    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    nowhere = Nowhere()
     monkeypatch.setattr(drive.Suburb, "_goal", lambda *mission: nowhere)
     table, (drawn,) = evaluate(
         HAMLET, 1, 4, ["ledger", "alone"], seed=3, folder=tmp_path, rig=RIG,
@@ -130,7 +129,7 @@ def test_a_patrol_is_drawn_once_and_the_second_arm_drives_as_if_it_were_the_firs
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(drive, "learned_perception", blind)
-    nowhere = SimpleNamespace(find=lambda look, *window, **fair: None)
+    nowhere = Nowhere()
     monkeypatch.setattr(drive.Suburb, "_goal", lambda *mission: nowhere)
     shown, render = list[Pose](), Renderer.render
     monkeypatch.setattr(

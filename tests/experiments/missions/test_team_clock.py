@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 import pytest
-from blind import blind
+from blind import Nowhere, blind
 from hamlet import the_hamlet
 from sights import RIG
 
@@ -45,7 +45,7 @@ def test_every_robot_has_a_goal_of_its_own_that_it_does_not_see() -> None:
 def test_all_drive_at_once_and_are_told_of(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(team_clock, "learned_perception", blind)
     monkeypatch.setattr(team_clock, "CameraRig", lambda: RIG)
-    monkeypatch.setattr(team_clock, "goal_from", lambda pictures, **share: _Nowhere())
+    monkeypatch.setattr(team_clock, "goal_from", lambda pictures, **share: Nowhere())
     asked: dict[str, Any] = {"seed": 3, "folder": tmp_path, "config": MissionConfig(limit_s=12.0)}
     table = evaluate(HAMLET, 1, 3, **asked)
     assert list(table.robot) == ["R1", "R2", "R3"] and not table.success.any()
@@ -55,11 +55,6 @@ def test_all_drive_at_once_and_are_told_of(tmp_path: Path, monkeypatch: pytest.M
     assert (table.collisions == 0).all()
     monkeypatch.setattr(team_clock, "Simulator", None)  # nothing is left to do
     pd.testing.assert_frame_equal(table, evaluate(HAMLET, 1, 3, **asked))
-
-
-class _Nowhere:
-    def find(self, *look: Any, **more: Any) -> None:
-        """Nothing is the goal."""
 
 
 def test_near_misses_are_counted_once_each() -> None:
