@@ -85,7 +85,7 @@ def _drive(follower: Follower, explorer: Explorer) -> None:
     for _ in range(config.max_looks):  # not every round needs a new look
         if len(pilot.looks) >= config.max_looks:
             break
-        stood, seen = pilot.latest or (None, None)
+        stood, seen = pilot.looked[-1] if pilot.looked else (None, None)
         # Where it stands as it did: what was refuted of its last look holds.
         look = seen if seen is not None and stood == pilot.here else pilot.look_around()
         arrival.note(look)

@@ -96,15 +96,18 @@ def test_it_goes_to_see_what_was_seen_from_afar_only(side: float) -> None:
     things = Plain(tuple(Thing(f"{x}", (float(x), side * 35.0)) for x in (-12, 0, 12)))
     other = Pose(0.0, side * 75.0)
     seen = [(other, things.look(other))]
-    nobody = Plain((Thing("post", (500.0, 0.0)),))
     for plain, others, promise, goes in (
         (things, [], everything, True),
-        (nobody, seen, everything, True),
+        (POST, seen, everything, True),
         (things, seen, lambda look: 0 * everything(look), False),
     ):
         pilot = Pilot(Walker(plain, Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
         pilot.look_around()
-        Explorer(pilot, promise, silent).drive_on(others)
+        explorer = Explorer(pilot, promise, silent)
+        if plain is things and promise is everything:
+            *_, stands = explorer._things(*pilot.looked[0])
+            assert stands == pytest.approx(np.array([t.xy_m for t in things.things]), abs=6.0)
+        explorer.drive_on(others)
         assert (side * pilot.here.y_m > 6.0) is goes
 
 
@@ -117,7 +120,7 @@ def test_what_somebody_has_seen_from_near_it_does_not_go_to_see() -> None:
 
 
 def test_what_cannot_be_got_to_is_left() -> None:
-    """Walled in on one side, it goes to the other after a try."""
+    """Shut in, it tries another place each time."""
     things = Plain((Thing("ahead", (40.0, 0.0)), Thing("behind", (-55.0, 0.0))))
     pilot = Pilot(Walker(things, Pose(0.0, 0.0), shut_in=True), PERCEPTION, MissionConfig())
     explorer, missed = Explorer(pilot, everything, silent), set[tuple[float, float]]()

@@ -25,8 +25,7 @@ class Pilot:
     """A robot's body and perception, what it has met and looked at, and its clock.
 
     now: what it sensed last; looks: the panoramas of all looks around, kept as evidence, and
-    looked: from where they were taken, and what they show; latest: the last look around, and
-    from where. Places are in the odometry's frame.
+    looked: from where they were taken, and what they show. Places are in the odometry's frame.
     """
 
     def __init__(self, body: Body, perception: Perception, config: MissionConfig) -> None:
@@ -34,7 +33,6 @@ class Pilot:
         self.obstacles = ObstacleMap()
         self.looks: list[Panorama] = []
         self.looked: list[tuple[Pose, Look]] = []
-        self.latest: tuple[Pose, Look] | None = None
         self.now: Observation = body.observe()
         self._before = self.now  # the last time it drove
         self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
@@ -52,7 +50,6 @@ class Pilot:
         self.looks.append(self.now.panorama)
         look = self.perception.examine(self.now)
         self.looked.append((self.here, look))
-        self.latest = self.here, look
         return look
 
     def glance(self, bearing_rad: float) -> Look:

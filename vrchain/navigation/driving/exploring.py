@@ -115,12 +115,11 @@ class Explorer:
         known = np.array([*self._looked(others), *self._unreachable])
         places = (known[:, None] + (apart_m + 1.0) * _around(_TURNS)).reshape(-1, 2)
         places = places if self._target is None else np.vstack([self._target, places])
-        new = cdist(places, known).min(axis=1) >= apart_m
-        near = np.hypot(*(places - self.pilot.here.xy_m).T) < share * _WITHIN_M
-        if not (new & near).any():
+        fit = cdist(places, known).min(axis=1) >= apart_m
+        fit &= np.hypot(*(places - self.pilot.here.xy_m).T) < share * _WITHIN_M
+        if not fit.any():
             return None
-        own = self._target is not None and bool((new & near)[0])
-        places = places[new & near]
+        own, places = self._target is not None and bool(fit[0]), places[fit]
         ways_m = self._ways_m(places)
         if own:
             ways_m[0] *= 0.6  # no dithering

@@ -6,10 +6,12 @@ homing tells it, look by look.
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 
 import numpy as np
 
 from vrchain.homing import HomeVector, home_vector
+from vrchain.landmarks.matching.common import Comparison
 from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.goal.candidates import EVEN, Candidate, Candidates
 from vrchain.navigation.goal.recognition import GoalSight, any_sight
@@ -41,7 +43,7 @@ class GoalPlace:
         """Where the place is, by a look around; a view by one camera does not tell."""
         if look.record is None and self.look.record is not None:
             return None
-        found = self.perception.compare(look, self.look)
+        found = self._compared(look)
         geometry, range_m = found.geometry, baseline_m(found, look.rig)
         if geometry is None or range_m is None or not found.common:
             return None
@@ -50,6 +52,11 @@ class GoalPlace:
             geometry.direction_rad, range_m, range_m, 0.0, len(found.common), 0.0, chance
         )
         return sight if fair(sight) else None
+
+    @cached_property
+    def _compared(self) -> Callable[[Look], Comparison]:
+        """With another look: one is asked of again and again, around whatever bearing."""
+        return cache(lambda look: self.perception.compare(look, self.look))
 
     def promise(self, look: Look) -> Array:
         """The same for all: where something stands, the place may be."""

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
@@ -45,7 +46,7 @@ _SIZED_MATCHES = 8  # keypoints from which a size is told
 # sights of 12 goals in suburbs of seed 1373. From 8 to 14 m its side was more than 2 m nearer than
 # that in 22 %, and is in 6 %.
 _BEYOND = 0.25
-_PROMISE = 0.005, 0.5  # what shows from afar is never surer than that
+_PROMISE = 0.005, 0.5  # the chance by what shows from afar: it is never surer, nor sure of nothing
 _WIDE_RAD = 0.15  # a goal's keypoints may lie so far beside its proposal
 
 
@@ -134,13 +135,11 @@ class GoalPictures:
     def promise(self, look: Look) -> Array:
         """By looks, spots and range; none for what is of no kind that its pictures show."""
         p = look.proposals
-        known = np.stack([
-            np.ones(len(p)), self.shown.appearance(p.embedding, self.calibration),
-            10 * self.shown.alike(p, look.spots), depth(p.range_m),
-        ])  # fmt: skip
-        chance = 1 / (1 + np.exp(-(_BELIEF[:-1] @ known)))
+        looks = self.shown.appearance(p.embedding, self.calibration)
+        odds = _odds_from_afar(looks, self.shown.alike(p, look.spots), p.range_m)
+        chance = (1 / (1 + np.exp(-odds))).clip(*_PROMISE)
         kinds = [r.proposals.kind[k] for r in self.shown.pictures if (k := subject(r)) is not None]
-        return np.where(np.isin(p.kind, kinds) | (not kinds), chance.clip(*_PROMISE), 0.0)
+        return np.where(np.isin(p.kind, kinds) | (not kinds), chance, 0.0)
 
     def _sight(self, look: Look, i: int, looks: float, alike: float) -> GoalSight:
         """Of a proposal, by how alike it looks, its spots, and its keypoints if they may decide."""
@@ -148,7 +147,7 @@ class GoalPictures:
         bearing, half_rad = float((left + right) / 2), float((right - left) / 2)
         range_m = look.proposals.range_m[i]
         *_, by_keypoint = _BELIEF
-        odds = float(_BELIEF[:-1] @ [1.0, looks, 10 * alike, depth(range_m)])
+        odds = float(_odds_from_afar(looks, alike, range_m))
         hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
         seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
         matches, n_shown = max(
@@ -175,6 +174,15 @@ class GoalPictures:
             for k, template in enumerate(self.keypoints.templates)
         }
         return {k: seen for k, seen in found.items() if seen is not None}
+
+
+def _odds_from_afar(looks: ArrayLike, alike: ArrayLike, range_m: ArrayLike) -> Array:
+    """Log-odds of being the goal without keypoints, by looks, how alike spots are, and range."""
+    even, by_looks, by_spots, by_range, _ = _BELIEF
+    spots = 10 * np.asarray(alike)
+    return np.asarray(
+        even + by_looks * np.asarray(looks) + by_spots * spots + by_range * depth(range_m)
+    )
 
 
 def goal_from(

@@ -7,6 +7,8 @@ passed nearer has seen the same thing better.
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+import numpy as np
+
 from vrchain.geometry import Pose
 from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.perception import Look
@@ -35,11 +37,12 @@ def borne_out(
 
     looks: of all panoramas; poses: their relative poses, of which sure ones alone are followed.
     """
-    found, taken = dict[str, GoalSight](), dict[str, Pose]()
+    found, taken = dict(seen), dict[str, Pose]()
     for name, sight in seen.items():
-        if name not in taken:
-            taken = poses.reached({name: ORIGIN})
-        found[name] = replace(sight, chance=_chance(name, sight, taken, looks, find))
+        if 0 < sight.chance < 1:  # what is certain needs no witness
+            if name not in taken:
+                taken = poses.reached({name: ORIGIN})
+            found[name] = replace(sight, chance=_chance(name, sight, taken, looks, find))
     return found
 
 
@@ -47,8 +50,6 @@ def _chance(
     name: str, sight: GoalSight, taken: Mapping[str, Pose], looks: Mapping[str, Look], find: Find
 ) -> float:
     """That it is of the goal. taken: where panoramas were, in one frame."""
-    if not 0 < sight.chance < 1:
-        return sight.chance
     there_m = sight.place(taken[name]).xy_m
     ranges = sorted((pose.distance_to_m(there_m), other) for other, pose in taken.items())
     near = [other for m, other in ranges if _TOO_NEAR_M <= m <= _NEAR_M and other != name]
@@ -63,8 +64,6 @@ def _chance(
         again = find(looks[other], bearing, _WINDOW_RAD)
         if again is None or again.chance < _NOTHING:
             odds *= _AGAINST
-        elif (
-            again.chance >= _SEES and Pose(*there_m).distance_to_m(again.place(here).xy_m) < _SAME_M
-        ):
+        elif again.chance >= _SEES and np.hypot(*(again.place(here).xy_m - there_m)) < _SAME_M:
             odds *= _FOR
     return float(odds / (1 + odds))
