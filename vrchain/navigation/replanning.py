@@ -39,8 +39,8 @@ class Replanner:
         self.rejections = Rejections(pilot.perception, index, log, pilot.config.share)
         self.own: list[tuple[Pose, Look, int]] = []
         self.failed: set[LandmarkKey] = set()
-        # Asked of the same looks again and again.
-        self._find, self._alike = cache(goal.find), cache(pilot.perception.alike)
+        self._find = goal.find
+        self._alike = cache(pilot.perception.alike)  # asked of the same looks again and again
 
     def plan(self, look: Look) -> Plan:
         """What the ledger says now, of what did not fail before."""

@@ -8,6 +8,7 @@ too. A logistic regression weighs them, and how far the proposal is: from afar l
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Protocol
 
@@ -119,30 +120,41 @@ class GoalPictures:
         p = look.proposals
         if len(p) == 0 or len(self.shown.embedding) == 0:
             return None
-        looks = self.shown.appearance(p.embedding, self.calibration)
-        alike = self.shown.alike(p, look.spots)
-        worth = worth_of(looks, alike)
+        worth = worth_of(*self._likeness(look))
         if near_rad is not None:
             half = (p.box[:, 1] - p.box[:, 0]) / 2
             off = np.abs(wrap_angle_rad((p.box[:, 0] + p.box[:, 1]) / 2 - near_rad))
             worth = np.where(off < half + window_rad, worth, -np.inf)
         chosen = np.argsort(-worth, kind="stable")[:_AMONG]
-        found = [
-            self._sight(look, int(i), looks[i], alike[i]) for i in chosen if np.isfinite(worth[i])
-        ]
+        found = [self._sight(look, int(i)) for i in chosen if np.isfinite(worth[i])]
         return max(filter(fair, found), key=lambda s: s.chance, default=None)
 
     def promise(self, look: Look) -> Array:
         """By looks, spots and range; none for what is of no kind that its pictures show."""
         p = look.proposals
-        looks = self.shown.appearance(p.embedding, self.calibration)
-        odds = _odds_from_afar(looks, self.shown.alike(p, look.spots), p.range_m)
+        odds = _odds_from_afar(*self._likeness(look), p.range_m)
         chance = (1 / (1 + np.exp(-odds))).clip(*_PROMISE)
         kinds = [r.proposals.kind[k] for r in self.shown.pictures if (k := subject(r)) is not None]
         return np.where(np.isin(p.kind, kinds) | (not kinds), chance, 0.0)
 
-    def _sight(self, look: Look, i: int, looks: float, alike: float) -> GoalSight:
+    @cached_property
+    def _likeness(self) -> Callable[[Look], tuple[Array, Array]]:
+        """Of each proposal of a look: how alike it looks, and its spots. One is asked for often."""
+        shown = self.shown
+        return cache(
+            lambda look: (
+                shown.appearance(look.proposals.embedding, self.calibration),
+                shown.alike(look.proposals, look.spots),
+            )
+        )
+
+    @cached_property
+    def _sight(self) -> Callable[[Look, int], GoalSight]:
+        return cache(self._sight_of)
+
+    def _sight_of(self, look: Look, i: int) -> GoalSight:
         """Of a proposal, by how alike it looks, its spots, and its keypoints if they may decide."""
+        looks, alike = (of[i] for of in self._likeness(look))
         left, right, *_ = look.proposals.box[i]
         bearing, half_rad = float((left + right) / 2), float((right - left) / 2)
         range_m = look.proposals.range_m[i]

@@ -24,7 +24,7 @@ _NEAR_M, _TOO_NEAR_M = 25.0, 1.5
 _SEES, _NOTHING = 0.5, 0.05  # chance of a sight from which it speaks for the goal, or against it
 _SAME_M = 12.0  # within which two sights are of one thing
 _LOST = 0.01  # odds below which no more witnesses are heard
-_WINDOW_RAD, _STEP_RAD = 0.25, 0.2  # around a bearing, asked for in steps: an answer serves again
+_WINDOW_RAD = 0.25  # a witness is asked so far beside the bearing from it
 
 
 def borne_out(
@@ -60,8 +60,7 @@ def _chance(
         if odds < _LOST:
             break
         here = taken[other]
-        bearing = _STEP_RAD * round(here.bearing_to_rad(there_m) / _STEP_RAD)
-        again = find(looks[other], bearing, _WINDOW_RAD)
+        again = find(looks[other], here.bearing_to_rad(there_m), _WINDOW_RAD)
         if again is None or again.chance < _NOTHING:
             odds *= _AGAINST
         elif again.chance >= _SEES and np.hypot(*(again.place(here).xy_m - there_m)) < _SAME_M:
