@@ -24,6 +24,7 @@ class Standing:
     """A pilot that stands where it is: no path leads on. ahead_m: what its range ring shows."""
 
     config, looks = CONFIG, ()
+    nearest = Pilot.nearest
 
     def __init__(self, here: Pose = HERE, ahead_m: float = 8.0) -> None:
         self.here, self.met_m = here, ahead_m
@@ -360,11 +361,13 @@ class BesideAWall(Standing):
 
     ahead_m, surface_m = Pilot.ahead_m, Pilot.surface_m  # type: ignore[assignment]
 
-    def __init__(self, wall_m: float, bush_rad: float, bush_m: float) -> None:
+    def __init__(
+        self, wall_m: float, bush_rad: float, bush_m: float, half_width_rad: float = 0.3
+    ) -> None:
         super().__init__()
         beams = beams_rad(72)
         ring = np.minimum(wall_m / np.maximum(-np.sin(beams), 1e-9), 8.0)
-        hidden = np.abs(wrap_angle_rad(beams - bush_rad)) < 0.3
+        hidden = np.abs(wrap_angle_rad(beams - bush_rad)) < half_width_rad
         ring[hidden] = np.minimum(ring[hidden], bush_m)
         self.now.range_ring_m = ring
 
@@ -385,6 +388,22 @@ def test_who_looks_along_its_wall_stands_before_it(
     assert (ours._behind_this(seen) is None) == here
 
 
+def test_a_trunk_is_not_the_wall_of_a_wide_goal() -> None:
+    """As it was met: at a tree 3.8 m before its goal's wall a robot said that it had arrived."""
+    seen = at(1.0, (-9.0, sight_of(9.0, half_width_rad=0.4)), (-9.5, sized(9.5)))
+    for wall_m, trunk_m, there in ((4.4, 1.1, False), (2.5, 1.1, True), (1.1, 8.0, True)):
+        ours = arrival(BesideAWall(wall_m, -np.pi / 2, trunk_m, half_width_rad=0.13))
+        ours.pilot.here = Pose(0.0, 0.0, np.pi / 4)  # its place is ahead, between both
+        assert ours._is_there(seen) == there
+
+
+def test_at_hand_it_may_be_on_any_side() -> None:
+    """As it was met: its goal should be 0.6 m away, on one side, and its wall was on the other."""
+    ours = arrival(BesideAWall(0.9, 0.0, 8.0))
+    for way_m, there in ((5.6, True), (7.0, False)):
+        assert ours._is_there(at(3.1, (-5.0, sized(way_m, 0.05)))) == there
+
+
 @pytest.mark.parametrize(("range_m", "arrives"), [(6.0, False), (1.0, True)])
 def test_from_another_side_it_is_looked_at_before_it_is_claimed(
     range_m: float, arrives: bool, monkeypatch: pytest.MonkeyPatch
@@ -401,7 +420,8 @@ def test_from_another_side_it_is_looked_at_before_it_is_claimed(
         yield before.place
 
     monkeypatch.setattr(ours, "_sides", sides)
-    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: bool(beside))
+    met = lambda place, reach_m: (0.0, 1.0) if beside else None  # noqa: E731
+    monkeypatch.setattr(ours, "_met_at", met)
     assert ours.drive_to(before) == arrives and beside
 
 
@@ -415,7 +435,7 @@ def test_what_is_no_longer_sure_is_not_claimed(
     ours = arrival(sight=poor)
     seen = at(1.0, *((-x_m, s) for x_m, s in enumerate([good, good] + [poor] * unsure, 2)))
     assert seen.is_sure(CONFIG)
-    monkeypatch.setattr(ours, "_is_at", lambda place, reach_m: True)
+    monkeypatch.setattr(ours, "_met_at", lambda place, reach_m: (0.0, 1.0))
     monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter(()))
     assert ours.drive_to(seen) == (unsure == 1)
     assert ours.was_mistaken(seen.place) == (unsure == 2)

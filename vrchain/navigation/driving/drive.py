@@ -11,7 +11,7 @@ from vrchain.navigation.driving.obstacles import REACH_M, ObstacleMap
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Body, GaveUp, MissionConfig
 from vrchain.panorama import Panorama
-from vrchain.robot import Observation, beams_rad, newcomer_m, steer
+from vrchain.robot import UNSEEN_M, Observation, beams_rad, newcomer_m, steer
 
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
@@ -67,6 +67,14 @@ class Pilot:
         ring = self.now.range_ring_m
         near = np.abs(wrap_angle_rad(beams_rad(len(ring)) - bearing_rad)) <= half_width_rad
         return float(of(ring[near])) if near.any() else float("inf")
+
+    def nearest(self, bearing_rad: float, half_width_rad: float) -> tuple[float, float]:
+        """What the range ring meets nearest around a bearing: its bearing and range."""
+        ring = self.now.range_ring_m
+        beams = beams_rad(len(ring))
+        near = (np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad) & (ring > UNSEEN_M)
+        first = int(np.where(near, ring, np.inf).argmin())
+        return float(beams[first]), float(ring[first]) if near[first] else float("inf")
 
     def surface_m(self, bearing_rad: float) -> float:
         """How near the surface comes that the range ring meets at a bearing; inf if it meets none.

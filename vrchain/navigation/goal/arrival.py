@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.geometry import Pose
 from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.driving.obstacles import REACH_M
 from vrchain.navigation.goal.candidates import (
@@ -20,7 +20,6 @@ from vrchain.navigation.goal.candidates import (
     Candidates,
     at_odds,
 )
-from vrchain.robot import UNSEEN_M, beams_rad
 
 _ASTRAY = 4.0  # standard deviations beyond which a glance did not show what is driven to
 NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
@@ -161,7 +160,8 @@ class Arrival(Candidates):
         """
         by_size = candidate.by_size()
         places = [candidate.place] if by_size is None else [candidate.place, _about(by_size[0])]
-        at = any(self._is_at(place, _NEARLY_M) for place in places)
+        met = filter(None, (self._met_at(place, _NEARLY_M) for place in places))
+        at = any(self._front_m(candidate, *thing) <= _LOOKS_FAR_M for thing in met)
         return at and self._behind_this(candidate) is None
 
     def _close_in(self, candidate: Candidate, behind: bool = False) -> Candidate:
@@ -172,7 +172,7 @@ class Arrival(Candidates):
         pilot, config = self.pilot, self.pilot.config
         glanced_m, looked_m = config.glance_every_m, 0.0
         until_ns = pilot.until_ns(candidate.place)
-        while pilot.now.time_ns < until_ns and not self._is_at(candidate.place, config.arrival_m):
+        while pilot.now.time_ns < until_ns and not self._met_at(candidate.place, config.arrival_m):
             if candidate.place.range_m(pilot.here) <= config.sees_m:
                 if glanced_m >= config.glance_every_m:
                     glanced_m = 0.0
@@ -252,25 +252,30 @@ class Arrival(Candidates):
             return None
         stood, sight = candidate.sights[-1]
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
-        ring = pilot.now.range_ring_m
-        beams = beams_rad(len(ring))
         bearing = _about(middle).bearing_rad(pilot.here)
-        if pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
+        beam, range_m = pilot.nearest(bearing, _BESIDE_RAD)
+        if range_m > _TOUCH_M or pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
             return None  # its own wall would be in the way to its middle
-        seen = (np.abs(wrap_angle_rad(beams - bearing)) <= _BESIDE_RAD) & (ring > UNSEEN_M)
-        nearest = int(np.where(seen, ring, np.inf).argmin())
-        met = sighted(pilot.here, float(beams[nearest]), float(ring[nearest])).xy_m
+        met = sighted(pilot.here, beam, range_m).xy_m
         within_m = half_m + _FELT_STD * sight.place(stood).std_m
         within_m = max(within_m, pilot.config.share * _OF_IT_M)
-        of_it = float(np.hypot(*(met - middle))) <= within_m
-        return met if of_it and ring[nearest] <= _TOUCH_M else None
+        return met if float(np.hypot(*(met - middle))) <= within_m else None
 
-    def _is_at(self, place: Estimate, reach_m: float) -> bool:
-        """Whether the goal's side is within reach, and something is there."""
+    def _met_at(self, place: Estimate, reach_m: float) -> tuple[float, float] | None:
+        """What is met, its bearing and range, where the goal's side is within reach; else None."""
         pilot, (bearing, range_m) = self.pilot, place.seen_from(self.pilot.here)
-        if range_m <= _BESIDE_M and pilot.ahead_m(bearing, _BESIDE_RAD) <= _TOUCH_M:
-            return True
-        return range_m <= reach_m and pilot.ahead_m(bearing, _AHEAD_RAD) <= reach_m + _FELT_M
+        if range_m <= _BESIDE_M:  # where it is at hand, the bearing means nothing
+            met = pilot.nearest(bearing, np.pi if range_m <= _TOUCH_M else _BESIDE_RAD)
+            if met[1] <= _TOUCH_M:
+                return met
+        ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
+        return (bearing, ahead_m) if max(range_m, ahead_m - _FELT_M) <= reach_m else None
+
+    def _front_m(self, candidate: Candidate, bearing_rad: float, met_m: float) -> float:
+        """How far its front is: what is met there, or what is behind, if that is too narrow."""
+        front_m = self.pilot.ahead_m(bearing_rad, _FRONT_RAD, np.median)
+        wide = candidate.width_m(self.pilot.config) >= _WIDE_M
+        return front_m if wide and met_m + _THIN_M < front_m < REACH_M else met_m
 
     def _draw_up(self, candidate: Candidate) -> None:
         """As near as may be: what the range ring met may stand before the goal."""
@@ -282,9 +287,7 @@ class Arrival(Candidates):
                 break
         bearing = place.bearing_rad(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
-        front_m = pilot.ahead_m(bearing, _FRONT_RAD, np.median)
-        wide = candidate.width_m(pilot.config) >= _WIDE_M
-        if wide and ahead_m + _THIN_M < front_m < REACH_M:
+        if (front_m := self._front_m(candidate, bearing, ahead_m)) > ahead_m:
             self.log("round", "something narrow stands before it")
             there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):
@@ -322,21 +325,19 @@ class Arrival(Candidates):
         return replace(candidate, sights=(*candidate.sights, (here, sight)))
 
     def _behind_this(self, candidate: Candidate) -> Array | None:
-        """Where its side is, (2,), by how large it looked lately, if that is not here."""
-        by_size = candidate.by_size()
+        """Where its side is, (2,), by how large it looked lately, if that is not here.
+
+        It is here if the robot, seeing it there, looks along its wall, and stands before that.
+        """
+        pilot, by_size = self.pilot, candidate.by_size()
         if by_size is None:
             return None
         there, away = by_size
-        onward = there - self.pilot.here.xy_m
-        beyond = float(np.hypot(*onward)) > _LOOKS_FAR_M and float(onward @ away) > 0
-        return there if beyond and not self._is_along_its_wall(_about(there)) else None
-
-    def _is_along_its_wall(self, place: Estimate) -> bool:
-        """Whether the robot, seeing it there, looks along its wall, and stands before that."""
-        pilot, (bearing, range_m) = self.pilot, place.seen_from(self.pilot.here)
-        if pilot.ahead_m(bearing, _AHEAD_RAD, np.median) < _OF_THE_WAY * range_m:
-            return False
-        return pilot.surface_m(bearing) <= _NEARLY_M
+        bearing, range_m = _about(there).seen_from(pilot.here)
+        if range_m <= _LOOKS_FAR_M or (there - pilot.here.xy_m) @ away <= 0:
+            return None
+        along = pilot.ahead_m(bearing, _AHEAD_RAD, np.median) >= _OF_THE_WAY * range_m
+        return None if along and pilot.surface_m(bearing) <= _NEARLY_M else there
 
 
 def _chance_unsure(candidate: Candidate) -> float:
