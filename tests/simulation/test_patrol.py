@@ -65,6 +65,28 @@ def test_what_others_remember_of_it_is_named_from_the_newest_back(tmp_path: Path
         assert set(published_of(ledger, "R2", 99)()) == {n for n in known if n.startswith("R3")}
 
 
+def test_what_it_published_itself_before_is_a_memory(tmp_path: Path) -> None:
+    _, ledger = patrolled(tmp_path)
+    with ledger:
+        before = ledger.history("R2")
+        known = published_of(ledger, "R2", 99, memory=True)
+        time_ns = before[-1].timestamp_ns + 1
+        ledger.publish("R2", simulated_key(1, "R2"), b"later", "start", time_ns)
+        own = {name: p for name, p in known().items() if name.startswith("R2")}
+    assert list(own) == ["R2 before", *(f"R2 before~{k}" for k in range(1, len(before)))]
+    assert [p.time_ns for p in own.values()] == [t.timestamp_ns for t in reversed(before)]
+
+
+def test_who_leaves_is_driven_no_more_and_the_others_are(tmp_path: Path) -> None:
+    simulator = Simulator(hamlet(), PLACES, seed=1, rig=RIG)
+    with team_ledger(tmp_path, PLACES, 1) as ledger:
+        patrol = Patrol(simulator, assemble(simulator, ledger, 1), 1)
+        patrol.leave("R2")
+        assert list(patrol.drives()) == ["R1", "R3"]
+        patrol.leave("R1")  # between two decisions
+        assert list(patrol.drives()) == ["R3"]
+
+
 def test_nobody_tells_what_is_in_the_panorama_of_another(tmp_path: Path) -> None:
     """R2 publishes what R3 did, with landmarks of its own: R3's panorama keeps R3's."""
     perception = cast(Any, SimpleNamespace(stored=lambda *what: what, compare=None))

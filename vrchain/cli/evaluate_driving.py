@@ -106,6 +106,9 @@ def navigation(
     goal_rise: Annotated[
         float, typer.Option(metavar="M", help="How much higher the goal was pictured from.")
     ] = 0.0,
+    task: Annotated[
+        str, typer.Option(help="goal; return, to where it set out; or change, of goal on the way.")
+    ] = "goal",
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
@@ -126,7 +129,7 @@ def navigation(
     config = MissionConfig(reputation=not no_reputation)
     conditions = Conditions(
         patrol, wrong_edges, barred, liars, lie, keep=keep, rarer=rarer, quiet_s=quiet,
-        season=season, time=time, goal_rise_m=goal_rise, config=config,
+        season=season, time=time, goal_rise_m=goal_rise, task=task, config=config,
     )  # fmt: skip
     found = experiment.evaluate(
         scenes_of(spec), missions, robots, arms or experiment.ARMS, seed=seed, folder=folder,

@@ -104,7 +104,7 @@ def run(
     from vrchain.publisher import Publication, Publisher, PublishingBody
     from vrchain.ros.live import LiveRobot
     from vrchain.ros.robots import load_rig
-    from vrchain.simulation.mission import index_of, published_of
+    from vrchain.simulation.mission import REMEMBERED, index_of, published_of
 
     ((name, namespace),) = robots_told([robot]).items()
     pictures = [Panorama.load(Path(picture)) for picture in goal or []]
@@ -122,7 +122,8 @@ def run(
             body = PublishingBody[LiveRobot, Publication](live, publisher, lambda p: p)
             summary: dict[str, Any] = {"robot": name}
             if pictures:
-                published, index = published_of(opened, name), index_of(opened, perception)
+                published = published_of(opened, name, REMEMBERED, memory=True)
+                index = index_of(opened, perception)
                 shown = goal_from(pictures, SHIPPED)
                 result = drive_mission(
                     name, body, published, index, shown, perception, tell=teller(as_json)

@@ -35,6 +35,7 @@ from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 MARKER = "mission.json"
+REMEMBERED = 40  # panoramas of each robot that others plan by
 
 Outset: TypeAlias = tuple[Simulator, Task, list[Panorama]]
 
@@ -158,20 +159,31 @@ def set_out(
     return simulator, task, goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
 
 
-def published_of(ledger: Ledger, robot: str, most: int = 1) -> Callable[[], dict[str, Published]]:
+def published_of(
+    ledger: Ledger, robot: str, most: int = 1, memory: bool = False
+) -> Callable[[], dict[str, Published]]:
     """Asks a ledger for the newest panoramas of each other robot, at most so many, by now.
 
-    R2 is robot R2's newest, R2~1 the one before, and so on.
+    R2 is robot R2's newest, R2~1 the one before, and so on. memory: with what the robot itself had
+    published when this was called, as *R1 before*.
     """
+
+    def newest(author: str, name: str) -> dict[str, Published]:
+        return {
+            panorama_name(name, k): Published(t.payload_digest + t.landmarks_digest, t.timestamp_ns)
+            for k, t in enumerate(reversed(ledger.history(author)[-most:]))
+        }
+
+    ledger.refresh()
+    known = newest(robot, f"{robot} before") if memory else {}
 
     def published() -> dict[str, Published]:
         ledger.refresh()
-        return {
-            panorama_name(name, k): Published(t.payload_digest + t.landmarks_digest, t.timestamp_ns)
-            for name in ledger.robots
-            if name != robot
-            for k, t in enumerate(reversed(ledger.history(name)[-most:]))
-        }
+        found = dict(known)
+        for name in ledger.robots:
+            if name != robot:
+                found |= newest(name, name)
+        return found
 
     return published
 

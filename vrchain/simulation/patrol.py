@@ -24,7 +24,7 @@ class Patrol:
         seed: int,
         look_every_m: float = LOOK_EVERY_M,
     ) -> None:
-        self._simulator, self._robots, self._look_every_m = simulator, robots, look_every_m
+        self._simulator, self._robots, self._look_every_m = simulator, dict(robots), look_every_m
         self._draws = {name: generator(seed, "patrol", name) for name in robots}
         self._minds = dict.fromkeys(robots, Wander())
         self._been: dict[str, list[np.ndarray]] = {name: [] for name in robots}
@@ -36,6 +36,11 @@ class Patrol:
         until_ns = self._simulator.clock_ns + int(duration_s * 1e9)
         while self._simulator.clock_ns < until_ns:
             self._simulator.step(self.drives(), _DECIDES_EVERY_S)
+
+    def leave(self, name: str) -> None:
+        """This robot has something else to do from now on."""
+        self._robots.pop(name, None)
+        self._drives = {other: drive for other, drive in self._drives.items() if other != name}
 
     def drives(self) -> Mapping[str, Drive]:
         """What each does now; they look, publish and decide in between."""

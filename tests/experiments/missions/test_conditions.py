@@ -1,5 +1,6 @@
 """What missions are driven under: an old or thin ledger, another season, a raised goal."""
 
+import json
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from vrchain.experiments.missions import draw, drive
 from vrchain.experiments.missions.drive import Conditions
 from vrchain.experiments.missions.success import evaluate
 from vrchain.experiments.scenes import Scenes
+from vrchain.navigation.goal.place import GoalPlace
 from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import CameraRig
 from vrchain.world.render import Renderer
@@ -66,6 +68,18 @@ def driven(
     return int(table.published[0]), paths_m, then, now
 
 
+def spied_missions(monkeypatch: pytest.MonkeyPatch) -> list[tuple[Any, set[str], float]]:
+    """Of every mission that a robot is sent on its goal, what it knows first, and its limit."""
+    asked, drive_mission = [], drive.drive_mission
+
+    def spied(*given: Any) -> Any:
+        asked.append((given[4], set(given[2]()), given[6].limit_s))
+        return drive_mission(*given)
+
+    monkeypatch.setattr(drive, "drive_mission", spied)
+    return asked
+
+
 def test_who_has_stopped_stands_and_says_nothing_more(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -81,8 +95,8 @@ def test_what_was_not_kept_is_not_planned_by(
 ) -> None:
     published_of, known = drive.published_of, list[set[str]]()
 
-    def spied(*asked: Any) -> Any:
-        published = published_of(*asked)
+    def spied(*asked: Any, **memory: bool) -> Any:
+        published = published_of(*asked, **memory)
         return lambda: known.append(set(published())) or published()
 
     monkeypatch.setattr(drive, "published_of", spied)
@@ -112,6 +126,35 @@ def test_a_goal_is_pictured_from_higher(tmp_path: Path, monkeypatch: pytest.Monk
     *_, now = driven(tmp_path, monkeypatch, goal_rise_m=0.5)
     raised = [rig for rig in now.rigs if rig.camera_height_m == RIG.camera_height_m + 0.5]
     assert len(raised) == 4 and all(rig.n_views == 1 for rig in raised)
+
+
+def test_who_is_to_return_has_patrolled_and_remembers_what_it_saw(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked = spied_missions(monkeypatch)
+    _, (path_m, *_), *_ = driven(tmp_path, monkeypatch, task="return")
+    ((goal, known, limit_s),) = asked
+    assert isinstance(goal, GoalPlace) and limit_s == MISSION_S
+    assert {"R1 before", "R2"} <= known and "R1" not in known
+    row = json.loads(next(tmp_path.rglob("*_ledger.json")).read_text())
+    start = json.loads(next(tmp_path.rglob("mission_0000.json")).read_text())["poses"]["R1"]
+    away_m = np.hypot(*(path_m[0] - [start["x_m"], start["y_m"]]))
+    assert row["way_m"] >= away_m - 2.0 and away_m > 2.0 and row["chain"] == 0
+
+
+def test_another_goal_is_asked_for_on_the_way(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    asked, named = spied_missions(monkeypatch), list[str]()
+    pictured = drive.goal_pictures
+    monkeypatch.setattr(
+        drive, "goal_pictures", lambda *given: named.append(given[2]) or pictured(*given)
+    )
+    driven(tmp_path, monkeypatch, task="change")
+    assert [limit_s for *_, limit_s in asked] == [60.0, MISSION_S]
+    assert len(named) == len(set(named)) == 2
+    before, now = (known for _, known, _ in asked)
+    assert "R1 before" in now and "R1 before" not in before
 
 
 def test_a_ledger_of_another_world_is_given_up_in_time(
@@ -149,6 +192,7 @@ def test_a_ledger_of_another_world_is_given_up_in_time(
         ({"quiet_s": -1.0}, "seconds of silence, 0 or more, got -1.0"),
         ({"goal_rise_m": np.nan}, "metres of rise, got nan"),
         ({"goal_rise_m": -1.5}, "camera_height_m"),
+        ({"task": "home"}, "a task of goal, return, change, got home"),
         ({"season": "monsoon"}, "season: expected one of summer, .*got 'monsoon'"),
         ({"time": "night"}, "light.time: expected one of noon, .*got 'night'"),
     ],

@@ -20,7 +20,7 @@ from vrchain.experiments.missions.chains import PLACE, Chains, TrueChain, Views
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
-from vrchain.simulation.collision_free import SPACING_M, Array
+from vrchain.simulation.collision_free import SPACING_M, Array, Ints
 from vrchain.simulation.goals import GOAL_PICTURES, goal_ids, goal_poses
 from vrchain.simulation.task import SUCCESS_RANGE_M, robot_names
 from vrchain.world.model import Scene
@@ -138,10 +138,7 @@ class Ground:
         if (away_m[np.triu_indices(n, 1)] < _APART_M).any():
             return "robots in one place"
         poses = [Pose(*map(float, stand)) for stand in stands]
-        if target is None:
-            zone = np.array([self.free.nearest(xy_m[-1])])
-        else:
-            zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
+        zone = self._zone(poses[-1] if target is None else target)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
         if not least_m <= way_m <= WAY_M[1]:
@@ -171,12 +168,37 @@ class Ground:
 
         room: the region that the robot is in; views: of this scene, for several goals.
         """
-        zone = self.free.around(self.scene.objects[target].footprint, SUCCESS_RANGE_M)
+        zone = self._zone(target)
         way_m = float(views.far_m(pose)[zone].min()) if len(zone) else np.inf
         pictured = tuple(self._pictured(target, seed, room))
         if not self._least_m(room)[0] <= way_m <= WAY_M[1] or views.any_of(target, pose):
             return None
         return (way_m, pictured) if len(pictured) == GOAL_PICTURES else None
+
+    def way_m(self, pose: Pose, mission: Mission) -> float:
+        """The shortest free way to a mission's goal, from the free place nearest to a pose."""
+        to_place = mission.goal == PLACE
+        zone = self._zone(mission.goal_poses[0] if to_place else self.scene.index_of(mission.goal))
+        within_m = self.free.points_m[self.free.region == self.room(to_place)[0]]
+        nearest_m = within_m[np.hypot(*(within_m - pose.xy_m).T).argmin()]
+        return float(self.free.from_m(nearest_m)[zone].min())
+
+    def another(self, mission: Mission, seed: int) -> Mission:
+        """With another goal, at random. MissionError: there is none."""
+        room, goals = self.room()
+        pose, views = next(iter(mission.poses.values())), Views(self.truth, self.rig, self.free)
+        for target in map(int, generator(seed, "another goal").permutation(goals)):
+            name = self.scene.objects[target].name
+            reach = self.within_reach(pose, target, seed, room, views)
+            if reach and name != mission.goal:
+                return replace(mission, goal=name, goal_poses=reach[1])
+        raise MissionError(f"no other goal than {mission.goal} can be driven to from {pose}")
+
+    def _zone(self, goal: int | Pose) -> Ints:
+        """Where a goal, an object or a place, is reached."""
+        if isinstance(goal, Pose):
+            return np.array([self.free.nearest(goal.xy_m)])
+        return self.free.around(self.scene.objects[goal].footprint, SUCCESS_RANGE_M)
 
     def _least_m(self, room: int) -> tuple[float, bool]:
         """How long a way is at least, and whether it is shorter as the room is small."""

@@ -24,20 +24,21 @@ from vrchain.ledger.records.encoding import digest
 from vrchain.navigation.goal.place import GoalPlace
 from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_from
 from vrchain.navigation.mission import MissionResult, drive_mission
-from vrchain.navigation.perception import learned_perception
+from vrchain.navigation.perception import Perception, learned_perception
 from vrchain.navigation.settings import MissionConfig, Published
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.robot import UpdateRules
 from vrchain.simulation.goals import goal_pictures, pictured_share
-from vrchain.simulation.mission import index_of, is_at, published_of
+from vrchain.simulation.mission import REMEMBERED, index_of, is_at, published_of
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.team import assemble
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
-REMEMBERED = 40  # panoramas of each robot that others plan by
+TASKS = ("goal", "return", "change")
 _AT_PLACE_M = 1.0
+_CHANGE_S = 60.0  # on the way to another goal
 _RECALLED = 120  # panoramas, of some 7 MB
 
 
@@ -52,6 +53,8 @@ class Conditions:
     times the thresholds of the update rules. quiet_s: so long ago the others have stopped, for
     good; if 0 they go on. season, time: as it was on their patrol, and when the goal was pictured;
     now, if None. goal_rise_m: how much higher than the robot's the camera was that pictured it.
+    task: *goal*, as drawn; *return*: the driving robot patrols too, and is then asked for the place
+    where it set out; *change*: it has been on its way to another goal for a minute.
     """
 
     patrol_s: float = 300.0
@@ -65,6 +68,7 @@ class Conditions:
     season: str | None = None
     time: str | None = None
     goal_rise_m: float = 0.0
+    task: str = "goal"
     config: MissionConfig = field(default_factory=MissionConfig)
 
     def __post_init__(self) -> None:
@@ -87,6 +91,8 @@ class Conditions:
             raise MissionError(f"expected rules so many times rarer, above 0, got {self.rarer}")
         if not np.isfinite(self.goal_rise_m):
             raise MissionError(f"expected metres of rise, got {self.goal_rise_m}")
+        if self.task not in TASKS:
+            raise MissionError(f"expected a task of {', '.join(TASKS)}, got {self.task}")
 
     @property
     def rules(self) -> UpdateRules:
@@ -148,6 +154,8 @@ class Suburb:
         before = self._before(conditions)
         simulator.truth, simulator.renderer = self.truth, self._recalled(before, number)
         robot, *others = mission.poses
+        if conditions.task == "return":
+            mission = replace(mission, goal=PLACE, goal_poses=(mission.poses[robot],))
         members = {name: simulated_key(number, name).public for name in mission.poses}
         operator = simulated_key(number, "operator")
         with (
@@ -162,19 +170,19 @@ class Suburb:
                 )
             else:
                 perception = learned_perception()
-            goal: KnownGoal
-            if mission.goal == PLACE:
-                (place,) = mission.goal_poses
-                shown = before.render(place, self.rig).encode()
-                taken[digest(shown)] = place
-                look = perception.stored(shown, None)
-                goal = oracle.place(look, perception) if oracle else GoalPlace(look, perception)
-            else:
-                goal = (
-                    oracle.goal(mission.goal)
-                    if oracle
-                    else self._goal(mission, before, conditions.goal_rig(self.rig))
-                )
+
+            def known_goal(mission: Mission, perception: Perception) -> KnownGoal:
+                if mission.goal == PLACE:
+                    (place,) = mission.goal_poses
+                    shown = before.render(place, self.rig).encode()
+                    taken[digest(shown)] = place
+                    look = perception.stored(shown, None)
+                    return oracle.place(look, perception) if oracle else GoalPlace(look, perception)
+                if oracle:
+                    return oracle.goal(mission.goal)
+                return self._goal(mission, before, conditions.goal_rig(self.rig))
+
+            goal = known_goal(mission, perception)
             # among panoramas: the goal is as it was shown
             perception = misled(perception, conditions.wrong_edges, number)
             record = oracle.record if oracle else perception.record
@@ -184,34 +192,47 @@ class Suburb:
             }
             rules = conditions.rules
             robots = assemble(simulator, ledger, number, rules, examine=record, told=told)
-            if arm != "alone":
-                for name in others:
-                    robots[name].observe(look=True)
-                patrol = Patrol(simulator, {name: robots[name] for name in others}, number)
-                patrol.drive(conditions.patrol_s)
-                if conditions.quiet_s > 0:
-                    simulator.step({}, conditions.quiet_s)
-                else:
-                    robots[robot].body.others = patrol.drives
+            patrols = [] if arm == "alone" else [*others]
+            patrols += [robot] if conditions.task == "return" else []
+            for name in patrols:
+                robots[name].observe(look=True)
+            patrol = Patrol(simulator, {name: robots[name] for name in patrols}, number)
+            patrol.drive(conditions.patrol_s if patrols else 0.0)
+            patrol.leave(robot)
+            if conditions.quiet_s > 0:
+                simulator.step({}, conditions.quiet_s)
+            else:
+                robots[robot].body.others = patrol.drives
             simulator.renderer = self.renderer
             wire = Wire(ledger)
             index = index_of(ledger, perception, wire.read)
-            known = published_of(ledger, robot, conditions.keep)
-
-            def published() -> Mapping[str, Published]:
-                for p in (p for name in others for p in robots[name].publications):
-                    taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
-                return known()
-
             bars = Barred(simulator, robot, conditions.barred, number)
-            started_ns = simulator.clock_ns
-            config = replace(conditions.config, share=self._share(mission))
-            result = drive_mission(
-                robot, robots[robot], published, index, goal, perception, config, bars.tell
-            )
+
+            def drive_to(mission: Mission, goal: KnownGoal, limit_s: float) -> MissionResult:
+                known = published_of(ledger, robot, conditions.keep, memory=True)
+
+                def published() -> Mapping[str, Published]:
+                    for p in (p for name in robots for p in robots[name].publications):
+                        taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
+                    return known()
+
+                share = self._share(mission)
+                config = replace(conditions.config, share=share, limit_s=limit_s)
+                return drive_mission(
+                    robot, robots[robot], published, index, goal, perception, config, bars.tell
+                )
+
+            if conditions.task == "change":
+                other = self.ground.another(mission, number)
+                drive_to(other, known_goal(other, perception), _CHANGE_S)
+            if conditions.task != "goal":
+                way_m = self.ground.way_m(simulator.pose(robot), mission)
+                mission = replace(mission, way_m=way_m, chain=None)
+            first, started_ns = len(simulator.times_s) - 1, simulator.clock_ns
+            result = drive_to(mission, goal, conditions.config.limit_s)
             sent = wire.sent(robot, len(others))
         seconds = (simulator.clock_ns - started_ns) / 1e9
-        row = self._row(mission, arm, simulator, robot, result, seconds)
+        row = self._row(mission, arm, simulator, robot, result, seconds, first)
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
         return {**row, **sent, "barred": bars.rows, **costs}
 
@@ -234,6 +255,7 @@ class Suburb:
         robot: str,
         result: MissionResult,
         seconds: float,
+        first: int,
     ) -> dict[str, object]:
         pose = simulator.pose(robot)
         if mission.goal == PLACE:
@@ -241,7 +263,7 @@ class Suburb:
             at_goal = range_m <= _AT_PLACE_M
         else:
             at_goal, range_m = is_at(self.scene, self.truth, mission.goal, pose, self.rig)
-        path = simulator.path_xy_m(robot)
+        path = simulator.path_xy_m(robot)[first:]
         chain = mission.chain
         reached = [d for d in result.decisions if d.what == "reached"]
         return {

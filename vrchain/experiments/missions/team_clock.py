@@ -20,7 +20,6 @@ from vrchain.experiments.intervals import Bootstrap, table_of
 from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.missions.chains import Views
 from vrchain.experiments.missions.draw import Ground
-from vrchain.experiments.missions.drive import REMEMBERED
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import maker_of
@@ -32,7 +31,7 @@ from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 from vrchain.simulation.collision_free import Array
 from vrchain.simulation.goals import goal_pictures, pictured_share
-from vrchain.simulation.mission import index_of, is_at, published_of
+from vrchain.simulation.mission import REMEMBERED, index_of, is_at, published_of
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import robot_names
