@@ -1,7 +1,7 @@
 """What liars publish, and that they sense and drive as others do."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 
@@ -19,7 +19,7 @@ from vrchain.experiments.missions.drive import Conditions
 from vrchain.experiments.missions.liars import LIES, lie
 from vrchain.experiments.missions.success import evaluate
 from vrchain.experiments.scenes import Scenes
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, relative
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
 from vrchain.landmarks.extraction.sift import NO_FEATURES
@@ -95,6 +95,35 @@ def test_what_is_shown_is_not_what_was_seen(tmp_path: Path) -> None:
     assert len(set(drive("elsewhere", tmp_path / "a").digests)) == len(honest.digests)
 
 
+def test_who_shows_a_twin_shows_it_from_the_same_side(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Of two cars of one make; a third thing, of another, stands nearer."""
+    ends = {"car": ((6.0, 1.0), 0.4), "other car": ((-7.0, -2.0), 2.5), "kiosk": ((0.0, 1.0), 0.0)}
+    size_m = {"kiosk": (0.5, 0.5, 2.0)}
+    scene = worlds.world(*(
+        replace(
+            worlds.box(name, xy_m, size_m.get(name, (4.0, 2.0, 1.5)), worlds.plain(worlds.RED),
+                       yaw_rad=yaw_rad),
+            model=name.split()[-1],
+        )
+        for name, (xy_m, yaw_rad) in ends.items()
+    ))  # fmt: skip
+    simulator = Simulator(scene, {"R1": Pose(2.0, 0.0, 0.7)}, seed=3, rig=RIG)
+    tell, seen = lie("twins", simulator, "R1", 5), simulator.observe("R1", look=True)
+    stood, render = list[Pose](), simulator.renderer.render
+    monkeypatch.setattr(
+        simulator.renderer, "render", lambda pose, rig: stood.append(pose) or render(pose, rig)
+    )
+    told = tell(seen)
+    assert told is not None and told.panorama is not seen.panorama
+    assert replace(told, panorama=seen.panorama) == seen
+    ((there,), car, other) = stood, *(Pose(*xy_m, yaw) for xy_m, yaw in list(ends.values())[:2])
+    before, now = relative(car, simulator.pose("R1")), relative(other, there)
+    assert (*before.xy_m, before.yaw_rad) == pytest.approx((*now.xy_m, now.yaw_rad), abs=1e-5)
+    alone = Simulator(worlds.yard(), {"R1": Pose(0, 0)}, seed=3, rig=RIG)
+    seen = alone.observe("R1", look=True)
+    assert lie("twins", alone, "R1", 5)(seen) is seen  # nothing there has a twin
+
+
 def test_who_says_nothing_publishes_nothing(tmp_path: Path) -> None:
     told = drive("nothing", tmp_path)
     assert told.digests == [] and len(told.saw) == 1
@@ -116,7 +145,7 @@ def test_lies_that_there_are_not() -> None:
     for bad in ({"liars": -1}, {"lie": "white"}):
         with pytest.raises(MissionError, match="0 liars or more"):
             Conditions(**bad)
-    assert set(LIES) == {"odometry", "elsewhere", "old", "photograph", "nothing"}
+    assert set(LIES) == {"odometry", "elsewhere", "old", "photograph", "twins", "nothing"}
 
 
 @pytest.mark.parametrize("kind", ["nothing", "elsewhere"])

@@ -3,10 +3,12 @@
 What they sense themselves is true, so they drive about as others do.
 """
 
+from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+import shapely
 
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose, placed, relative
@@ -15,6 +17,7 @@ from vrchain.publisher import Told
 from vrchain.robot import Observation
 from vrchain.seeding import generator
 from vrchain.simulation.simulator import Simulator
+from vrchain.world.model import SceneObject
 
 _CLEARANCE_M = 1.0
 
@@ -24,7 +27,8 @@ def lie(kind: str, simulator: Simulator, robot: str, seed: int) -> Told:
 
     odometry: it moved another way than it did, as far. elsewhere: panoramas of any other place.
     old: its first panorama, again and again. photograph: all around one picture, as before a
-    photograph. nothing: it publishes nothing.
+    photograph. twins: what is seen from the same side of a twin of what stands nearest, of all that
+    have one; the truth where none fits. nothing: it publishes nothing.
     """
     if kind not in LIES:
         raise MissionError(f"expected a lie of {', '.join(LIES)}, got {kind}")
@@ -82,6 +86,39 @@ def _photograph(simulator: Simulator, robot: str, draws: np.random.Generator) ->
     return tell
 
 
+def _twins(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told:
+    scene = simulator.scene
+    makes = Counter(thing.model for thing in scene.objects)
+    doubles = [thing for thing in scene.objects if makes[thing.model] > 1]
+
+    def tell(seen: Observation) -> Observation:
+        assert seen.panorama is not None
+        pose = simulator.pose(robot)
+        here = shapely.Point(*pose.xy_m)
+        for thing in sorted(doubles, key=lambda thing: thing.footprint.distance(here)):
+            twins = [other for other in doubles if other.model == thing.model and other is not thing]
+            for k in draws.permutation(len(twins)):
+                there = placed(_frame(twins[k], thing), pose)
+                if scene.is_free([there.xy_m], _CLEARANCE_M)[0]:
+                    shown = simulator.renderer.render(there, seen.panorama.rig)
+                    return replace(seen, panorama=shown)
+        return seen
+
+    return tell
+
+
+def _frame(thing: SceneObject, twin: SceneObject) -> Pose:
+    """How the ground is to be turned and moved to bring a thing's twin to it (Kabsch, 1976)."""
+    to, of = (
+        np.concatenate([surface.vertices_m[:, :2] for surface in one.surfaces])
+        for one in (thing, twin)
+    )
+    (a, b), (c, d) = (of - of.mean(axis=0)).T @ (to - to.mean(axis=0))
+    turned = Pose(0.0, 0.0, float(np.arctan2(b - c, a + d)))
+    moved_m = to.mean(axis=0) - placed(turned, Pose(*of.mean(axis=0))).xy_m
+    return replace(turned, x_m=float(moved_m[0]), y_m=float(moved_m[1]))
+
+
 def _nothing(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told:
     return lambda seen: None
 
@@ -91,5 +128,6 @@ LIES: dict[str, Callable[[Simulator, str, np.random.Generator], Told]] = {
     "elsewhere": _elsewhere,
     "old": _old,
     "photograph": _photograph,
+    "twins": _twins,
     "nothing": _nothing,
 }
