@@ -19,7 +19,7 @@ from vrchain.experiments.missions.drive import Conditions
 from vrchain.experiments.missions.liars import LIES, lie
 from vrchain.experiments.missions.success import evaluate
 from vrchain.experiments.scenes import Scenes
-from vrchain.geometry import Pose, relative
+from vrchain.geometry import Pose, placed, relative
 from vrchain.landmarks.extraction.proposer import nothing
 from vrchain.landmarks.extraction.record import LandmarkRecord, decode_record
 from vrchain.landmarks.extraction.sift import NO_FEATURES
@@ -29,6 +29,7 @@ from vrchain.panorama import Panorama
 from vrchain.robot import Drive, UpdateRules
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.team import assemble, team_ledger
+from vrchain.world.model import SceneObject
 
 RIG = worlds.SMALL_RIG
 RULES = UpdateRules(distance_m=1.5, view_change=99.0, max_age_s=999.0)
@@ -97,16 +98,20 @@ def test_what_is_shown_is_not_what_was_seen(tmp_path: Path) -> None:
 
 def test_who_shows_a_twin_shows_it_from_the_same_side(monkeypatch: pytest.MonkeyPatch) -> None:
     """Of two cars of one make; a third thing, of another, stands nearer."""
-    ends = {"car": ((6.0, 1.0), 0.4), "other car": ((-7.0, -2.0), 2.5), "kiosk": ((0.0, 1.0), 0.0)}
-    size_m = {"kiosk": (0.5, 0.5, 2.0)}
-    scene = worlds.world(*(
-        replace(
-            worlds.box(name, xy_m, size_m.get(name, (4.0, 2.0, 1.5)), worlds.plain(worlds.RED),
-                       yaw_rad=yaw_rad),
-            model=name.split()[-1],
+    car, other = Pose(6.0, 1.0, 0.4), Pose(-7.0, -2.0, 2.5)
+
+    def thing(name: str, at: Pose, size_m: float) -> SceneObject:
+        """Its front is not its back."""
+        front, red = placed(at, Pose(1.0, 0.3)), worlds.plain(worlds.RED)
+        low, high = (
+            worlds.box(name, tuple(p.xy_m), (s, s / 2, 3 - s / 2), red, yaw_rad=at.yaw_rad)
+            for p, s in ((at, size_m), (front, size_m / 5))
         )
-        for name, (xy_m, yaw_rad) in ends.items()
-    ))  # fmt: skip
+        return replace(low, model=name[:3], surfaces=(*low.surfaces, *high.surfaces))
+
+    scene = worlds.world(
+        thing("car 1", car, 4.0), thing("car 2", other, 4.0), thing("kiosk", Pose(0.0, 1.5), 0.5)
+    )
     simulator = Simulator(scene, {"R1": Pose(2.0, 0.0, 0.7)}, seed=3, rig=RIG)
     tell, seen = lie("twins", simulator, "R1", 5), simulator.observe("R1", look=True)
     stood, render = list[Pose](), simulator.renderer.render
@@ -116,8 +121,7 @@ def test_who_shows_a_twin_shows_it_from_the_same_side(monkeypatch: pytest.Monkey
     told = tell(seen)
     assert told is not None and told.panorama is not seen.panorama
     assert replace(told, panorama=seen.panorama) == seen
-    ((there,), car, other) = stood, *(Pose(*xy_m, yaw) for xy_m, yaw in list(ends.values())[:2])
-    before, now = relative(car, simulator.pose("R1")), relative(other, there)
+    before, now = relative(car, simulator.pose("R1")), relative(other, *stood)
     assert (*before.xy_m, before.yaw_rad) == pytest.approx((*now.xy_m, now.yaw_rad), abs=1e-5)
     alone = Simulator(worlds.yard(), {"R1": Pose(0, 0)}, seed=3, rig=RIG)
     seen = alone.observe("R1", look=True)

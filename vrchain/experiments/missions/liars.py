@@ -6,9 +6,12 @@ What they sense themselves is true, so they drive about as others do.
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import replace
+from operator import itemgetter
 
 import numpy as np
 import shapely
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
 
 from vrchain.errors import MissionError
 from vrchain.geometry import Pose, placed, relative
@@ -96,7 +99,9 @@ def _twins(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told
         pose = simulator.pose(robot)
         here = shapely.Point(*pose.xy_m)
         for thing in sorted(doubles, key=lambda thing: thing.footprint.distance(here)):
-            twins = [other for other in doubles if other.model == thing.model and other is not thing]
+            twins = [
+                other for other in doubles if other.model == thing.model and other is not thing
+            ]
             for k in draws.permutation(len(twins)):
                 there = placed(_frame(twins[k], thing), pose)
                 if scene.is_free([there.xy_m], _CLEARANCE_M)[0]:
@@ -108,15 +113,30 @@ def _twins(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told
 
 
 def _frame(thing: SceneObject, twin: SceneObject) -> Pose:
-    """How the ground is to be turned and moved to bring a thing's twin to it (Kabsch, 1976)."""
-    to, of = (
-        np.concatenate([surface.vertices_m[:, :2] for surface in one.surfaces])
-        for one in (thing, twin)
-    )
-    (a, b), (c, d) = (of - of.mean(axis=0)).T @ (to - to.mean(axis=0))
-    turned = Pose(0.0, 0.0, float(np.arctan2(b - c, a + d)))
-    moved_m = to.mean(axis=0) - placed(turned, Pose(*of.mean(axis=0))).xy_m
-    return replace(turned, x_m=float(moved_m[0]), y_m=float(moved_m[1]))
+    """How the ground is to be turned and moved to bring a thing's twin to it.
+
+    By their footprints, in that of four directions in which the twins' corners meet best: which
+    corners they have hangs on the light that is baked into them.
+    """
+    axis_rad, middle_m = zip(*(_lies(one) for one in (thing, twin)), strict=True)
+    to, of = (np.concatenate([s.vertices_m for s in one.surfaces]) for one in (thing, twin))
+    corners, found = KDTree(to), list[tuple[float, Pose]]()
+    for quarter_rad in np.arange(4) * np.pi / 2:
+        turned = Pose(0.0, 0.0, float(axis_rad[0] - axis_rad[1] + quarter_rad))
+        x_m, y_m = middle_m[0] - placed(turned, Pose(*middle_m[1])).xy_m
+        c, s = np.cos(turned.yaw_rad), np.sin(turned.yaw_rad)
+        moved_m = of @ [[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]] + [x_m, y_m, 0.0]
+        off_m = float(corners.query(moved_m)[0].mean())
+        found.append((off_m, replace(turned, x_m=float(x_m), y_m=float(y_m))))
+    return min(found, key=itemgetter(0))[1]
+
+
+def _lies(thing: SceneObject) -> tuple[float, NDArray[np.float64]]:
+    """The direction of a side of its footprint, and the middle."""
+    around = thing.footprint.minimum_rotated_rectangle
+    (x_m, y_m), (to_x_m, to_y_m), *_ = around.exterior.coords
+    middle = around.centroid
+    return float(np.arctan2(to_y_m - y_m, to_x_m - x_m)), np.array([middle.x, middle.y])
 
 
 def _nothing(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told:
