@@ -102,11 +102,18 @@ def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
 
 @pytest.mark.parametrize("turn", [0, 20, 50])
 @pytest.mark.parametrize(
-    ("bearing_rad", "near_m"),
-    [(1.2, 1.5), (0.4, 1.5), (0.0, np.inf), (-1.2, 2.0), (-0.7, 4.88), (-2.2, 4.0)],
+    ("bearing_rad", "near_m", "width_m"),
+    [
+        (1.2, 1.5, 8.0),
+        (0.4, 1.5, 8.0),
+        (0.0, np.inf, 0.0),
+        (-1.2, 2.0, 0.7),
+        (-0.7, 4.88, 2.9),
+        (-2.2, 4.0, 6.1),
+    ],
 )
 def test_a_surface_is_followed_to_where_it_comes_nearest(
-    bearing_rad: float, near_m: float, turn: int
+    bearing_rad: float, near_m: float, width_m: float, turn: int
 ) -> None:
     """A wall 1.5 m to the left, on the right a bush before a wall 4 m away."""
     beams = beams_rad(72)
@@ -114,5 +121,7 @@ def test_a_surface_is_followed_to_where_it_comes_nearest(
     to_right = np.where(np.sin(beams) < 0, 4.0 / np.maximum(-np.sin(beams), 1e-9), 8.0)
     ring = np.minimum(np.minimum(to_left, to_right), 8.0)
     ring[np.abs(beams - (2 * np.pi - 1.2)) < 0.2] = 2.0
-    told_m = sensing(np.roll(ring, turn)).surface_m(bearing_rad + turn * 2 * np.pi / 72)
-    assert told_m == pytest.approx(near_m, abs=0.05)
+    pilot = sensing(np.roll(ring, turn))
+    of_it, *told_m = pilot.surface(bearing_rad + turn * 2 * np.pi / 72)
+    assert told_m == [pytest.approx(near_m, abs=0.05), pytest.approx(width_m, abs=0.3)]
+    assert of_it.any() == (width_m > 0.0)

@@ -4,6 +4,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.distance import pdist
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.driving.estimates import Array, Estimate
@@ -68,16 +70,22 @@ class Pilot:
         near = np.abs(wrap_angle_rad(beams_rad(len(ring)) - bearing_rad)) <= half_width_rad
         return float(of(ring[near])) if near.any() else float("inf")
 
-    def nearest(self, bearing_rad: float, half_width_rad: float) -> tuple[float, float]:
-        """What the range ring meets nearest around a bearing: its bearing and range."""
+    def nearest(
+        self, bearing_rad: float, half_width_rad: float, but: NDArray[np.bool_] | None = None
+    ) -> tuple[float, float]:
+        """What the range ring meets nearest around a bearing: its bearing and range.
+
+        but: beams that do not count.
+        """
         ring = self.now.range_ring_m
         beams = beams_rad(len(ring))
         near = (np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad) & (ring > UNSEEN_M)
+        near &= True if but is None else ~but
         first = int(np.where(near, ring, np.inf).argmin())
         return float(beams[first]), float(ring[first]) if near[first] else float("inf")
 
-    def surface_m(self, bearing_rad: float) -> float:
-        """How near the surface comes that the range ring meets at a bearing; inf if it meets none.
+    def surface(self, bearing_rad: float) -> tuple[NDArray[np.bool_], float, float]:
+        """Of the surface that is met at a bearing: its beams, (n_beams,), how near, how wide it is.
 
         Neighbouring beams meet one surface if they end near each other.
         """
@@ -85,14 +93,14 @@ class Pilot:
         first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
         ring = np.roll(self.now.range_ring_m, -first)
         met = ring < REACH_M
-        if not met[0]:
-            return float("inf")
         ends = ring[:, None] * np.column_stack([np.cos(beams), np.sin(beams)])
         apart_m = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
         joined = met & np.roll(met, -1) & (apart_m <= _ONE_SURFACE_M)  # to the next beam
         onward = np.append(True, np.logical_and.accumulate(joined)[:-1])
         back = np.logical_and.accumulate(joined[::-1])[::-1]
-        return float(ring[onward | back].min())
+        of_it = (onward | back) & met[0]
+        near_m = float(ring[of_it].min(initial=np.inf))
+        return np.roll(of_it, first), near_m, float(pdist(ends[of_it]).max(initial=0.0))
 
     def until_ns(self, place: Estimate) -> int:
         """When an approach to a place has taken too long."""

@@ -34,7 +34,8 @@ _SHIFTS_M2_PER_M = 0.2  # the nearest side of what is wide is another as the rob
 _NEARLY_M = 2.2  # a goal may be so far away that can be got no nearer
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
-_FRONT_RAD, _THIN_M, _WIDE_M = 0.5, 1.0, 3.0  # a wide goal's front is met farther on than a bush
+# A wide goal's wall is wider than a bush before it: those of suburbs are up to 1.5 m wide.
+_WIDE_M, _WALL_M, _THIN_M = 3.0, 2.0, 1.0
 _STEPS_ROUND = 10  # round that
 # What looks to be so much farther is not what the range ring met (see ``Candidate.by_size``),
 # unless that goes on, as its wall does, to where it is met, so much of the way to where it looks.
@@ -84,9 +85,6 @@ class Arrival(Candidates):
             if candidate.sights:
                 self._not_again(candidate, candidate.place.range_m(self.pilot.here) < NEAR_M)
         return False
-
-    def _is_likely(self, candidate: Candidate) -> bool:
-        return bool(candidate.sights) and candidate.chance >= EVEN
 
     def _is_worth_a_circle(self, candidate: Candidate) -> bool:
         """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
@@ -180,7 +178,7 @@ class Arrival(Candidates):
             elif looked_m >= config.look_every_m:
                 looked_m = 0.0
                 candidate = self._seen_from_afar(candidate)
-            if candidate.against >= _AGAINST and not self._is_likely(candidate):
+            if candidate.against >= _AGAINST and not (candidate.sights and candidate.chance > EVEN):
                 break
             touched = None if behind else self._touched(candidate)
             if touched is not None:
@@ -247,10 +245,9 @@ class Arrival(Candidates):
 
         Who comes round its corner has another side before it than the one that was seen.
         """
-        pilot = self.pilot
-        if not candidate.is_sure(pilot.config):
+        if not candidate.is_sure(self.pilot.config):
             return None
-        stood, sight = candidate.sights[-1]
+        pilot, (stood, sight) = self.pilot, candidate.sights[-1]
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
         bearing = _about(middle).bearing_rad(pilot.here)
         beam, range_m = pilot.nearest(bearing, _BESIDE_RAD)
@@ -259,7 +256,8 @@ class Arrival(Candidates):
         met = sighted(pilot.here, beam, range_m).xy_m
         within_m = half_m + _FELT_STD * sight.place(stood).std_m
         within_m = max(within_m, pilot.config.share * _OF_IT_M)
-        return met if float(np.hypot(*(met - middle))) <= within_m else None
+        is_wall = self._front_m(candidate, beam, range_m) <= _LOOKS_FAR_M
+        return met if is_wall and float(np.hypot(*(met - middle))) <= within_m else None
 
     def _met_at(self, place: Estimate, reach_m: float) -> tuple[float, float] | None:
         """What is met, its bearing and range, where the goal's side is within reach; else None."""
@@ -272,10 +270,12 @@ class Arrival(Candidates):
         return (bearing, ahead_m) if max(range_m, ahead_m - _FELT_M) <= reach_m else None
 
     def _front_m(self, candidate: Candidate, bearing_rad: float, met_m: float) -> float:
-        """How far its front is: what is met there, or what is behind, if that is too narrow."""
-        front_m = self.pilot.ahead_m(bearing_rad, _FRONT_RAD, np.median)
-        wide = candidate.width_m(self.pilot.config) >= _WIDE_M
-        return front_m if wide and met_m + _THIN_M < front_m < REACH_M else met_m
+        """How far its front is: what is met there, or beside it, if that is too narrow."""
+        narrow, _, width_m = self.pilot.surface(bearing_rad)
+        if width_m >= _WALL_M or candidate.width_m(self.pilot.config) < _WIDE_M:
+            return met_m
+        _, front_m = self.pilot.nearest(bearing_rad, _BESIDE_RAD, but=narrow)
+        return front_m if met_m + _THIN_M < front_m < REACH_M else met_m
 
     def _draw_up(self, candidate: Candidate) -> None:
         """As near as may be: what the range ring met may stand before the goal."""
@@ -337,7 +337,7 @@ class Arrival(Candidates):
         if range_m <= _LOOKS_FAR_M or (there - pilot.here.xy_m) @ away <= 0:
             return None
         along = pilot.ahead_m(bearing, _AHEAD_RAD, np.median) >= _OF_THE_WAY * range_m
-        return None if along and pilot.surface_m(bearing) <= _NEARLY_M else there
+        return None if along and pilot.surface(bearing)[1] <= _NEARLY_M else there
 
 
 def _chance_unsure(candidate: Candidate) -> float:
