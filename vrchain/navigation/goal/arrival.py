@@ -159,7 +159,7 @@ class Arrival(Candidates):
         by_size = candidate.by_size()
         places = [candidate.place] if by_size is None else [candidate.place, _about(by_size[0])]
         met = filter(None, (self._met_at(place, _NEARLY_M) for place in places))
-        at = any(self._front_m(candidate, *thing) <= _LOOKS_FAR_M for thing in met)
+        at = any(self._front(candidate, thing)[1] <= _LOOKS_FAR_M for thing in met)
         return at and self._behind_this(candidate) is None
 
     def _close_in(self, candidate: Candidate, behind: bool = False) -> Candidate:
@@ -250,14 +250,13 @@ class Arrival(Candidates):
         pilot, (stood, sight) = self.pilot, candidate.sights[-1]
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
         bearing = _about(middle).bearing_rad(pilot.here)
-        beam, range_m = pilot.nearest(bearing, _BESIDE_RAD)
-        if range_m > _TOUCH_M or pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
+        touched = pilot.nearest(bearing, _BESIDE_RAD)
+        if touched[1] > _TOUCH_M or pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
             return None  # its own wall would be in the way to its middle
-        met = sighted(pilot.here, beam, range_m).xy_m
-        within_m = half_m + _FELT_STD * sight.place(stood).std_m
-        within_m = max(within_m, pilot.config.share * _OF_IT_M)
-        is_wall = self._front_m(candidate, beam, range_m) <= _LOOKS_FAR_M
-        return met if is_wall and float(np.hypot(*(met - middle))) <= within_m else None
+        met = sighted(pilot.here, *touched).xy_m
+        std_m, of_it_m = sight.place(stood).std_m, pilot.config.share * _OF_IT_M
+        of_it = float(np.hypot(*(met - middle))) <= max(half_m + _FELT_STD * std_m, of_it_m)
+        return met if of_it and self._front(candidate, touched) == touched else None
 
     def _met_at(self, place: Estimate, reach_m: float) -> tuple[float, float] | None:
         """What is met, its bearing and range, where the goal's side is within reach; else None."""
@@ -269,13 +268,13 @@ class Arrival(Candidates):
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         return (bearing, ahead_m) if max(range_m, ahead_m - _FELT_M) <= reach_m else None
 
-    def _front_m(self, candidate: Candidate, bearing_rad: float, met_m: float) -> float:
-        """How far its front is: what is met there, or beside it, if that is too narrow."""
-        narrow, _, width_m = self.pilot.surface(bearing_rad)
+    def _front(self, candidate: Candidate, met: tuple[float, float]) -> tuple[float, float]:
+        """What is met of its front, bearing and range: that or, if it is narrow, beside it."""
+        narrow, _, width_m = self.pilot.surface(met[0])
         if width_m >= _WALL_M or candidate.width_m(self.pilot.config) < _WIDE_M:
-            return met_m
-        _, front_m = self.pilot.nearest(bearing_rad, _BESIDE_RAD, but=narrow)
-        return front_m if met_m + _THIN_M < front_m < REACH_M else met_m
+            return met
+        beside = self.pilot.nearest(met[0], _BESIDE_RAD, but=narrow)
+        return beside if met[1] + _THIN_M < beside[1] < REACH_M else met
 
     def _draw_up(self, candidate: Candidate) -> None:
         """As near as may be: what the range ring met may stand before the goal."""
@@ -287,9 +286,10 @@ class Arrival(Candidates):
                 break
         bearing = place.bearing_rad(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
-        if (front_m := self._front_m(candidate, bearing, ahead_m)) > ahead_m:
+        beam, front_m = self._front(candidate, (bearing, ahead_m))
+        if front_m > ahead_m:
             self.log("round", "something narrow stands before it")
-            there = sighted(pilot.here, bearing, front_m - _DRAWN_UP_M).xy_m
+            there = sighted(pilot.here, beam, front_m - _DRAWN_UP_M).xy_m
             for _ in range(_STEPS_ROUND):
                 if pilot.stretch(there, 0.5, 0.5) is None:
                     break
