@@ -210,6 +210,21 @@ def test_each_condition_is_a_point_with_its_interval(tool: ModuleType) -> None:
     assert [[a[0], b[0]] for a, b in ends] == pytest.approx(told)
 
 
+def test_missions_are_drawn_by_the_age_and_the_number_of_panoramas(tool: ModuleType) -> None:
+    rows = tool.newest(tool.reported()).set_index("figure")
+    silent, rarer = tool.ages(tool.reported()).axes
+    for panel, first, at, names in (
+        (silent, 0, (10, 60), "those eight, silent for {} min"),
+        (rarer, 1, (3, 8), "those eight, rules {} times rarer"),
+    ):
+        under = ["eight missions as usual", *map(names.format, at)]
+        for line, what in zip(panel.lines[:6:3], ("success", "spl_chain"), strict=True):
+            told = [float(rows.value[f"missions under {name}/{what}"]) for name in under]
+            assert line.get_xydata().tolist() == [
+                [x, y] for x, y in zip((first, *at), told, strict=True)
+            ]
+
+
 def test_what_came_is_added_and_the_rows_before_are_left_as_they_were(
     tool: ModuleType, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -217,7 +232,8 @@ def test_what_came_is_added_and_the_rows_before_are_left_as_they_were(
     monkeypatch.setattr(tool, "RESULTS", tmp_path / "results.csv")
     tool.RESULTS.write_text(before)
     monkeypatch.setattr(tool, "HISTORY", tmp_path / "history.md")
-    monkeypatch.setattr(tool, "CONDITIONS", tmp_path / "conditions.png")
+    for picture in ("CONDITIONS", "AGES"):
+        monkeypatch.setattr(tool, picture, tmp_path / f"{picture}.png")
     monkeypatch.setattr(tool, "made_again", lambda rows: came.append(rows) or rows.tail(1))
     tool.main(["homing", "--write"])
     assert set(came[0].figure.str.partition("/")[0]) == {"homing"}

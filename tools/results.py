@@ -7,13 +7,14 @@ it, and where in that command's JSON it is (nothing: it is read by hand). Rows a
     python tools/results.py                  # what can be made again, and by which command
     python tools/results.py missions         # the newest of these anew: did any move?
     python tools/results.py missions --write # and add what came
-    python tools/results.py --history        # write docs/results/history.md and conditions.png
+    python tools/results.py --history        # write docs/results/history.md and its two pictures
 
 ``all`` names all of them, which takes days: so nothing is run that is not named.
 """
 
 import argparse
 import json
+import re
 import shlex
 import subprocess
 import sys
@@ -26,12 +27,17 @@ import pandas as pd
 from matplotlib.figure import Figure
 
 from vrchain.plots.save import png_bytes
-from vrchain.plots.style import BLUE, panels
+from vrchain.plots.style import BLUE, ORANGE, panels
 
 ROOT = Path(__file__).resolve().parents[1]
 RESULTS, HISTORY = ROOT / "figures/results.csv", ROOT / "docs/results/history.md"
-CONDITIONS = ROOT / "docs/results/conditions.png"
+CONDITIONS, AGES = ROOT / "docs/results/conditions.png", ROOT / "docs/results/ages.png"
 _UNDER = "missions under "  # so begins a figure of missions under a condition
+_USUAL = "eight missions as usual"
+_AGES = (  # what a condition is called, where on its axis the usual missions are, and the axis
+    (r"silent for (\d+) min", 0.0, "minutes for which the others are silent"),
+    (r"rules (\d+) times rarer", 1.0, "times the thresholds of the update rules"),
+)
 _KEY = {
     "missions/success": "missions that arrive",
     "missions/spl_chain": "their spl_chain",
@@ -136,11 +142,39 @@ def history(rows: pd.DataFrame) -> str:
     return "\n".join(lines) + "\n"
 
 
-def conditions(rows: pd.DataFrame) -> Figure:
-    """Success and spl_chain of missions under each condition, as it was measured last."""
+def _under(rows: pd.DataFrame) -> pd.DataFrame:
+    """Figures of missions as they were measured last, with columns condition and what."""
     under = newest(rows[rows.figure.str.startswith(_UNDER)])
     told = under.figure.str.removeprefix(_UNDER).str.rsplit("/", n=1, expand=True)
-    under = under.assign(condition=told[0], what=told[1])
+    return under.assign(condition=told[0], what=told[1])
+
+
+def ages(rows: pd.DataFrame) -> Figure:
+    """Success and spl_chain against how long the others are silent, and how rarely they publish."""
+    under = _under(rows)
+    figure, axes = panels(10, 3.6, 1, 2, sharey=True)
+    for panel, (pattern, usual, label) in zip(axes, _AGES, strict=True):
+        found = {name: re.search(pattern, name) for name in under.condition.unique()}
+        at = {_USUAL: usual} | {name: float(m[1]) for name, m in found.items() if m}
+        told = under.set_index(["condition", "what"])
+        for what, colour in (("success", BLUE), ("spl_chain", ORANGE)):
+            own = told.loc[[(name, what) for name in at]]
+            value, low, high = (own[end].astype(float) for end in ("value", "low", "high"))
+            panel.errorbar([*at.values()], value, yerr=[value - low, high - value], fmt="o-",
+                           color=colour, capsize=3, label=what)  # fmt: skip
+        published = told.value.loc[[(name, "published") for name in at]].astype(float)
+        names = [f"{x:g}\n({n:.0f})" for x, n in zip(at.values(), published, strict=True)]
+        panel.set_xticks([*at.values()], names)
+        panel.set(xlabel=f"{label} (publications a mission)", ylim=(-0.02, 1.05))
+        panel.grid(axis="y", alpha=0.4)
+    axes[0].legend(loc="lower left")
+    figure.suptitle("Missions by the age and the number of panoramas (eight each; bars: 95 %)")
+    return figure
+
+
+def conditions(rows: pd.DataFrame) -> Figure:
+    """Success and spl_chain of missions under each condition, as it was measured last."""
+    under = _under(rows)
     names = list(under.condition.unique()[::-1])
     figure, axes = panels(10, 0.36 * len(names) + 1.2, 1, 2, sharey=True)
     titles = {"success": "share that arrives", "spl_chain": "spl_chain: how direct, 1 is best"}
@@ -186,6 +220,7 @@ def main(words: Sequence[str] | None = None) -> None:
         rows = pd.concat([rows, made])
     HISTORY.write_text(history(rows))
     CONDITIONS.write_bytes(png_bytes(conditions(rows)))
+    AGES.write_bytes(png_bytes(ages(rows)))
 
 
 if __name__ == "__main__":

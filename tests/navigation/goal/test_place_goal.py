@@ -4,8 +4,10 @@ import pytest
 from plains import PERCEPTION, Plain, Thing, Walker
 
 from vrchain.geometry import Pose, wrap_angle_rad
+from vrchain.homing import HomeVector
 from vrchain.navigation.driving.drive import Pilot
-from vrchain.navigation.goal.place import GoalPlace, PlaceArrival
+from vrchain.navigation.goal.place import ARRIVED_M, GoalPlace, PlaceArrival
+from vrchain.navigation.perception import Look
 from vrchain.navigation.settings import MissionConfig
 
 PLAIN = Plain(
@@ -32,6 +34,27 @@ def test_it_arrives_where_the_panorama_was_taken(start: Pose) -> None:
     assert candidate is not None
     off_rad = candidate.place.bearing_rad(arriving.pilot.here) - start.bearing_to_rad(PLACE.xy_m)
     assert abs(wrap_angle_rad(off_rad)) < 0.1
+    assert arriving.drive_to(candidate)
+    assert body.pose.distance_to_m(PLACE.xy_m) < 1.0
+
+
+def test_where_all_is_far_away_it_is_not_there_before_it_came_near(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """As it was met: in a wide place homing told 0.7 m where 2.9 m were left, and 1.0 m from 4.1 m.
+
+    The robot said then that it had arrived.
+    """
+    arriving, body = arrival(Pose(0, 0, 0.5))
+
+    def homing(goal: GoalPlace, look: Look) -> HomeVector:
+        bearing_rad = wrap_angle_rad(body.pose.bearing_to_rad(PLACE.xy_m))
+        told_m = body.pose.distance_to_m(PLACE.xy_m) / 4
+        return HomeVector(float(bearing_rad), 0.01, 100, told_m <= ARRIVED_M, told_m)
+
+    candidate = arriving.note(arriving.pilot.look_around())
+    assert candidate is not None
+    monkeypatch.setattr(GoalPlace, "homing", homing)
     assert arriving.drive_to(candidate)
     assert body.pose.distance_to_m(PLACE.xy_m) < 1.0
 

@@ -10,6 +10,7 @@ from functools import cache, cached_property
 
 import numpy as np
 
+from vrchain.geometry import Pose
 from vrchain.homing import HomeVector, home_vector
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.navigation.driving.estimates import Array, Estimate, sighted
@@ -22,6 +23,7 @@ _HOMES_M = 8.0  # from so near, homing is believed
 _SURE_MATCHES = 40  # keypoints that agree on the way home, to claim arrival
 _STEP, _STEP_M = 0.7, (0.4, 10.0)  # of the way there from one look to the next; least and most
 _NEAR_M = 0.2  # a place is driven to within so much
+_CAME_M, _TOO_NEAR = 0.3, 2.0  # of way; what is supposed to be so many times too near is refuted
 _LOOKS, _ASTRAY = 25, 3  # looks around on the way; those that tell nothing, on end
 ARRIVED_M = 0.7  # by homing; paths are no finer
 
@@ -83,16 +85,20 @@ class PlaceArrival(Candidates):
         pilot = self.pilot
         self._begin(candidate)
         place, told_nothing = candidate.place, 0
+        before: tuple[Pose, float] | None = None  # from where homing told last, and how far it is
         for _ in range(_LOOKS):
             way_m = float(np.clip(_STEP * place.range_m(pilot.here), *_STEP_M))
             if pilot.stretch(place.xy_m, _NEAR_M, way_m) is None and told_nothing:
                 break
             look = pilot.look_around()
             home = self.goal.homing(look)
-            if home is not None and home.arrived:
-                return True
-            told = self._told(look, home, place)
-            place, told_nothing = (place, told_nothing + 1) if told is None else (told, 0)
+            if home is not None:
+                home = home if before is None else _by_growth(home, pilot.here, *before)
+                before = pilot.here, home.remoteness
+                if home.arrived:
+                    return True
+            seen = self._told(look, home, place)
+            place, told_nothing = (place, told_nothing + 1) if seen is None else (seen, 0)
             if told_nothing == _ASTRAY:
                 break
         self.log("doubt", "what is seen here is not what the goal's panorama shows")
@@ -109,3 +115,18 @@ class PlaceArrival(Candidates):
         if sight is None or sight.chance < EVEN:
             return None
         return sight.place(here)
+
+
+def _by_growth(home: HomeVector, here: Pose, stood: Pose, remoteness: float) -> HomeVector:
+    """Home farther away, where it came much less near than the robot drove towards it.
+
+    stood, remoteness: from where, and how far, it was told before. Where all that is seen is far
+    away, it is supposed to be too near; but not how fast that changes on the way.
+    """
+    course_rad = here.yaw_rad + home.bearing_rad
+    came_m = float((here.xy_m - stood.xy_m) @ [np.cos(course_rad), np.sin(course_rad)])
+    nearer_m = remoteness - home.remoteness
+    if not home.arrived or came_m < _CAME_M or _TOO_NEAR * nearer_m >= came_m:
+        return home
+    range_m = min(home.remoteness * came_m / max(nearer_m, 0.1), _HOMES_M)
+    return replace(home, arrived=range_m <= ARRIVED_M, remoteness=range_m)
