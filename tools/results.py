@@ -179,7 +179,7 @@ def conditions(rows: pd.DataFrame) -> Figure:
     figure, axes = panels(10, 0.36 * len(names) + 1.2, 1, 2, sharey=True)
     titles = {"success": "share that arrives", "spl_chain": "spl_chain: how direct, 1 is best"}
     for panel, (what, title) in zip(axes, titles.items(), strict=True):
-        own = under[under.what == what].set_index("condition").loc[names]
+        own = under[under.what == what].set_index("condition").reindex(names)
         value, low, high = (own[end].astype(float) for end in ("value", "low", "high"))
         panel.errorbar(value, range(len(names)), xerr=[value - low, high - value], fmt="o",
                        color=BLUE, capsize=3)  # fmt: skip
