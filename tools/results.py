@@ -149,19 +149,25 @@ def _under(rows: pd.DataFrame) -> pd.DataFrame:
     return under.assign(condition=told[0], what=told[1])
 
 
+def _bars(own: pd.DataFrame) -> tuple[pd.Series, list[pd.Series]]:
+    """The values of figures, and how far their intervals reach down and up."""
+    value, low, high = (own[end].astype(float) for end in ("value", "low", "high"))
+    return value, [value - low, high - value]
+
+
 def ages(rows: pd.DataFrame) -> Figure:
     """Success and spl_chain against how long the others are silent, and how rarely they publish."""
     under = _under(rows)
+    told = under.set_index(["condition", "what"])
     figure, axes = panels(10, 3.6, 1, 2, sharey=True)
     for panel, (pattern, usual, label) in zip(axes, _AGES, strict=True):
         found = {name: re.search(pattern, name) for name in under.condition.unique()}
         at = {_USUAL: usual} | {name: float(m[1]) for name, m in found.items() if m}
-        told = under.set_index(["condition", "what"])
         for what, colour in (("success", BLUE), ("spl_chain", ORANGE)):
-            own = told.loc[[(name, what) for name in at]]
-            value, low, high = (own[end].astype(float) for end in ("value", "low", "high"))
-            panel.errorbar([*at.values()], value, yerr=[value - low, high - value], fmt="o-",
-                           color=colour, capsize=3, label=what)  # fmt: skip
+            value, bars = _bars(told.loc[[(name, what) for name in at]])
+            panel.errorbar(
+                [*at.values()], value, bars, fmt="o-", color=colour, capsize=3, label=what
+            )
         published = told.value.loc[[(name, "published") for name in at]].astype(float)
         names = [f"{x:g}\n({n:.0f})" for x, n in zip(at.values(), published, strict=True)]
         panel.set_xticks([*at.values()], names)
@@ -180,9 +186,8 @@ def conditions(rows: pd.DataFrame) -> Figure:
     titles = {"success": "share that arrives", "spl_chain": "spl_chain: how direct, 1 is best"}
     for panel, (what, title) in zip(axes, titles.items(), strict=True):
         own = under[under.what == what].set_index("condition").reindex(names)
-        value, low, high = (own[end].astype(float) for end in ("value", "low", "high"))
-        panel.errorbar(value, range(len(names)), xerr=[value - low, high - value], fmt="o",
-                       color=BLUE, capsize=3)  # fmt: skip
+        value, bars = _bars(own)
+        panel.errorbar(value, range(len(names)), xerr=bars, fmt="o", color=BLUE, capsize=3)
         panel.set(title=title, xlim=(-0.02, 1.02))
         panel.grid(axis="x", alpha=0.4)
     driven = under[under.what == "success"].set_index("condition").loc[names, "n"]

@@ -194,15 +194,16 @@ class Suburb:
             robots = assemble(simulator, ledger, number, rules, examine=record, told=told)
             patrols = [] if arm == "alone" else [*others]
             patrols += [robot] if conditions.task == "return" else []
-            for name in patrols:
-                robots[name].observe(look=True)
-            patrol = Patrol(simulator, {name: robots[name] for name in patrols}, number)
-            patrol.drive(conditions.patrol_s if patrols else 0.0)
-            patrol.leave(robot)
-            if conditions.quiet_s > 0:
-                simulator.step({}, conditions.quiet_s)
-            else:
-                robots[robot].body.others = patrol.drives
+            if patrols:
+                for name in patrols:
+                    robots[name].observe(look=True)
+                patrol = Patrol(simulator, {name: robots[name] for name in patrols}, number)
+                patrol.drive(conditions.patrol_s)
+                patrol.leave(robot)
+                if conditions.quiet_s > 0:
+                    simulator.step({}, conditions.quiet_s)
+                else:
+                    robots[robot].body.others = patrol.drives
             simulator.renderer = self.renderer
             wire = Wire(ledger)
             index = index_of(ledger, perception, wire.read)
@@ -212,7 +213,7 @@ class Suburb:
                 known = published_of(ledger, robot, conditions.keep, memory=True)
 
                 def published() -> Mapping[str, Published]:
-                    for p in (p for name in robots for p in robots[name].publications):
+                    for p in (p for body in robots.values() for p in body.publications):
                         taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
                     return known()
 

@@ -178,7 +178,7 @@ class Arrival(Candidates):
             elif looked_m >= config.look_every_m:
                 looked_m = 0.0
                 candidate = self._seen_from_afar(candidate)
-            if candidate.against >= _AGAINST and not (candidate.sights and candidate.chance > EVEN):
+            if candidate.against >= _AGAINST and (not candidate.sights or candidate.chance < EVEN):
                 break
             touched = None if behind else self._touched(candidate)
             if touched is not None:
