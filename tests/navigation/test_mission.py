@@ -8,6 +8,7 @@ from typing import Any, cast
 import numpy as np
 import pytest
 from plains import (
+    BEAMS,
     CALIBRATION,
     GOAL_XY,
     HOME,
@@ -22,7 +23,7 @@ from plains import (
 )  # fmt: skip
 
 from vrchain.errors import ImageError
-from vrchain.geometry import Pose, relative
+from vrchain.geometry import Pose, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import CommonLandmark, Region
 from vrchain.landmarks.retrieval.query import query_of
 from vrchain.landmarks.retrieval.template import Goal
@@ -35,6 +36,7 @@ from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.route import Leg, Plan, Route
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name, robot_of
+from vrchain.robot import UNSEEN_M, Observation
 
 QUICK = MissionConfig(limit_s=200.0, explores=False)
 PATIENT = MissionConfig(explores=False)
@@ -57,11 +59,11 @@ def drive(
     config: MissionConfig = QUICK,
     goal: GoalPictures | None = None,
     index: PlainIndex | None = None,
-    shut_in: bool = False,
+    body: Walker | None = None,
     tell: Callable[[Decision], object] = NO_CALLS,
     perception: Perception = PERCEPTION,
 ) -> tuple[MissionResult, Walker]:
-    body = Walker(plain, start, shut_in)
+    body = body or Walker(plain, start)
     index = index or PlainIndex(plain, others)
     goal = goal or plain.goal("goal", 3.9, 3.4, -2.0, 1.0)
     asked = (index.published, index, goal, perception, config, cast(Any, tell))
@@ -110,6 +112,23 @@ def test_a_goal_out_of_view_is_reached_by_the_chain() -> None:
     assert words(result)[:3] == ["ledger", "route", "leg"]
     _, route = result.plans[0]
     assert route.robots == ("R1", "R2")
+
+
+class Ahead(Walker):
+    """A robot whose ranging sensor looks ahead alone, 120 degrees wide."""
+
+    def observe(self, look: bool = False, towards_rad: float | None = None) -> Observation:
+        seen = super().observe(look, towards_rad)
+        blind = np.abs(wrap_angle_rad(BEAMS)) > np.pi / 3
+        return replace(seen, range_ring_m=np.where(blind, UNSEEN_M, seen.range_ring_m))
+
+
+@pytest.mark.parametrize("yaw_rad", [0.5, 3.0, -2.0])
+def test_who_senses_no_range_behind_arrives_too(yaw_rad: float) -> None:
+    result, body = drive(street(), TEAM, body=Ahead(street(), replace(HOME, yaw_rad=yaw_rad)))
+    assert result.arrived, result.decisions
+    assert goal_range_m(body) <= QUICK.arrival_m + 0.3
+    assert "reached" in words(result)
 
 
 def test_two_legs() -> None:
@@ -208,7 +227,7 @@ def test_who_comes_by_again_from_elsewhere_is_led_to_a_landmark_anew() -> None:
 
 
 def test_a_robot_that_is_shut_in_is_blocked_and_gives_up() -> None:
-    result, _ = drive(street(), TEAM, shut_in=True, config=PATIENT)
+    result, _ = drive(street(), TEAM, body=Walker(street(), HOME, shut_in=True), config=PATIENT)
     assert not result.arrived and "no chain of common landmarks leads there" in result.reason
     assert words(result)[:4] == ["ledger", "route", "leg", "blocked"]
     assert "reached" not in words(result)
@@ -227,7 +246,7 @@ def test_shut_in_with_the_goal_in_view() -> None:
         ({}, "the ledger holds no panorama of another robot"),
         (TEAM, "no other robot's panorama shows the goal"),  # R2's sight of it is not believed
     ):
-        result, _ = drive(plain, others, shut_in=True, config=PATIENT)
+        result, _ = drive(plain, others, body=Walker(plain, HOME, shut_in=True), config=PATIENT)
         assert not result.arrived and result.reason == reason
         assert words(result)[0] == "approach" and words(result).count("blocked") == 2
         assert len(result.looks) < 20

@@ -8,7 +8,7 @@ from plains import PERCEPTION, Plain, Walker
 from vrchain.geometry import Pose
 from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.settings import GaveUp, MissionConfig
-from vrchain.robot import Drive, Observation, beams_rad
+from vrchain.robot import UNSEEN_M, Drive, Observation, beams_rad
 from vrchain.simulation.simulator import Simulator
 
 
@@ -98,6 +98,9 @@ def test_the_range_along_a_bearing_is_the_shortest_near_it() -> None:
     assert ours.ahead_m(-0.05) == 1.0
     assert ours.ahead_m(0.5) == 8.0
     assert sensing(np.array([4.0])).ahead_m(2.0) == np.inf
+    ring[18] = UNSEEN_M  # no sensor looks there
+    assert ours.ahead_m(18 * beam) == 8.0 and ours.ahead_m(18 * beam, 0.01) == np.inf
+    assert not ours.surface(18 * beam)[0].any()
 
 
 @pytest.mark.parametrize("turn", [0, 20, 50])

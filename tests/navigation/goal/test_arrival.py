@@ -24,7 +24,7 @@ class Standing:
     """A pilot that stands where it is: no path leads on. ahead_m: what its range ring shows."""
 
     config, looks = CONFIG, ()
-    nearest, surface = Pilot.nearest, Pilot.surface
+    nearest, surface, _around = Pilot.nearest, Pilot.surface, Pilot._around
 
     def __init__(self, here: Pose = HERE, ahead_m: float = 8.0) -> None:
         self.here, self.met_m = here, ahead_m

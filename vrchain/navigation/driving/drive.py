@@ -65,9 +65,11 @@ class Pilot:
         half_width_rad: float = 0.1,
         of: Callable[[Array], np.floating] = np.min,
     ) -> float:
-        """What the range ring shows around a bearing: the shortest reading, or another one."""
-        ring = self.now.range_ring_m
-        near = np.abs(wrap_angle_rad(beams_rad(len(ring)) - bearing_rad)) <= half_width_rad
+        """What the range ring shows around a bearing: the shortest reading, or another one.
+
+        inf where no sensor looks.
+        """
+        near, ring = self._around(bearing_rad, half_width_rad), self.now.range_ring_m
         return float(of(ring[near])) if near.any() else float("inf")
 
     def nearest(
@@ -77,12 +79,16 @@ class Pilot:
 
         but: beams that do not count.
         """
-        ring = self.now.range_ring_m
-        beams = beams_rad(len(ring))
-        near = (np.abs(wrap_angle_rad(beams - bearing_rad)) <= half_width_rad) & (ring > UNSEEN_M)
+        near, ring = self._around(bearing_rad, half_width_rad), self.now.range_ring_m
         near &= True if but is None else ~but
         first = int(np.where(near, ring, np.inf).argmin())
-        return float(beams[first]), float(ring[first]) if near[first] else float("inf")
+        return float(beams_rad(len(ring))[first]), float(ring[first]) if near[first] else np.inf
+
+    def _around(self, bearing_rad: float, half_width_rad: float) -> NDArray[np.bool_]:
+        """The beams around a bearing, (n_beams,), but those where no sensor looks."""
+        ring = self.now.range_ring_m
+        off_rad = np.abs(wrap_angle_rad(beams_rad(len(ring)) - bearing_rad))
+        return np.asarray((off_rad <= half_width_rad) & (ring != UNSEEN_M))
 
     def surface(self, bearing_rad: float) -> tuple[NDArray[np.bool_], float, float]:
         """Of the surface that is met at a bearing: its beams, (n_beams,), how near, how wide it is.
@@ -92,7 +98,7 @@ class Pilot:
         beams = beams_rad(len(self.now.range_ring_m))
         first = int(np.argmin(np.abs(wrap_angle_rad(beams - bearing_rad))))
         ring = np.roll(self.now.range_ring_m, -first)
-        met = ring < REACH_M
+        met = (ring < REACH_M) & (ring != UNSEEN_M)
         ends = ring[:, None] * np.column_stack([np.cos(beams), np.sin(beams)])
         apart_m = np.linalg.norm(np.roll(ends, -1, axis=0) - ends, axis=1)
         joined = met & np.roll(met, -1) & (apart_m <= _ONE_SURFACE_M)  # to the next beam
