@@ -11,7 +11,8 @@ from vrchain.landmarks.extraction.record import LandmarkRecord
 from vrchain.landmarks.extraction.sift import NO_FEATURES, Features
 from vrchain.landmarks.extraction.spots import NO_SPOTS
 from vrchain.landmarks.retrieval.query import query_of
-from vrchain.landmarks.retrieval.template import Goal, Template
+from vrchain.landmarks.retrieval.template import Goal, Sighting, Template, locate
+from vrchain.navigation.goal import recognition
 from vrchain.navigation.goal.recognition import GoalPictures, _of_subject
 
 HERE = Pose(0.0, 0.0, 0.3)
@@ -49,6 +50,23 @@ def test_behind_what_is_known_to_be_no_goal_another_is_found() -> None:
     assert best and second and second.chance < best.chance
     assert second.bearing_rad == pytest.approx(HERE.bearing_to_rad((-9.0, 5.0)), abs=0.03)
     assert GOAL.find(look, fair=lambda sight: False) is None
+
+
+def test_each_proposal_of_a_look_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Keypoints are costly, and a look is asked for the goal again and again."""
+    searched: list[Features] = []
+
+    def counted(template: Template, features: Features, **limits: int) -> Sighting | None:
+        searched.append(features)
+        return locate(template, features, **limits)
+
+    monkeypatch.setattr(recognition, "locate", counted)
+    goal, look = replace(GOAL), PLAIN.look(HERE)
+    best = goal.find(look)
+    once = len(searched)
+    assert once and goal.find(look) is best and goal.find(look, 0.2, 3.0) is best
+    assert len(searched) == once
+    assert goal.find(PLAIN.look(Pose(2.0, 0.0))) != best and len(searched) > once
 
 
 def test_nothing_is_found_where_nothing_is_or_by_no_picture() -> None:
