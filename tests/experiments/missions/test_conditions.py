@@ -172,7 +172,7 @@ def test_a_ledger_of_another_world_is_given_up_in_time(
     monkeypatch.setattr(
         drive.Suburb,
         "_goal",
-        lambda own, mission, _, rig: pictured(own, mission, own.renderer, rig),
+        lambda own, mission, _, *asked: pictured(own, mission, own.renderer, *asked),
     )
     conditions = Conditions(PATROL_S, config=MissionConfig(limit_s=2 * MISSION_S))
     table, _ = evaluate(

@@ -1,7 +1,7 @@
 """One mission, driven by one arm: what came of it."""
 
 import tempfile
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import lru_cache
 from pathlib import Path
@@ -22,17 +22,17 @@ from vrchain.geometry import Pose
 from vrchain.ledger import Ledger, simulated_key
 from vrchain.ledger.records.encoding import digest
 from vrchain.navigation.goal.place import GoalPlace
-from vrchain.navigation.goal.recognition import GoalPictures, KnownGoal, goal_from
+from vrchain.navigation.goal.recognition import KnownGoal, goal_from
 from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Perception, learned_perception
-from vrchain.navigation.settings import MissionConfig, Published
+from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.robot import UpdateRules
 from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.mission import REMEMBERED, index_of, is_at, published_of
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
-from vrchain.simulation.team import assemble
+from vrchain.simulation.team import PublishingRobot, assemble
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
@@ -130,6 +130,34 @@ class _Recalled(Renderer):
         return replace(drawn)  # with nothing that is derived from it
 
 
+def _taken_at(panorama: bytes, robots: Mapping[str, PublishingRobot]) -> Pose:
+    """From where a published panorama was."""
+    told = [p for body in robots.values() for p in body.publications]
+    return {p.digest: Pose(p.x_m, p.y_m, p.yaw_rad) for p in told}[digest(panorama).hex()]
+
+
+def _patrol(
+    simulator: Simulator,
+    robots: Mapping[str, PublishingRobot],
+    names: Sequence[str],
+    robot: str,
+    seed: int,
+    conditions: Conditions,
+) -> None:
+    """Let these drive about and publish; but for the robot, they go on while it drives."""
+    if not names:
+        return
+    for name in names:
+        robots[name].observe(look=True)
+    patrol = Patrol(simulator, {name: robots[name] for name in names}, seed)
+    patrol.drive(conditions.patrol_s)
+    patrol.leave(robot)
+    if conditions.quiet_s > 0:
+        simulator.step({}, conditions.quiet_s)
+    else:
+        robots[robot].body.others = patrol.drives
+
+
 class Suburb:
     """One scene with all that is made of it once, and missions in it."""
 
@@ -162,70 +190,43 @@ class Suburb:
             tempfile.TemporaryDirectory() as folder,
             Ledger.create(Path(folder) / "ledger", members, operator) as ledger,
         ):
-            taken: dict[bytes, Pose] = {}  # from where panoramas were, by their digest
             oracle = Oracle(self.truth, self.rig) if arm == "oracle" else None
-            if oracle is not None:
+            if oracle:
                 perception = oracle.perception(
-                    lambda: simulator.pose(robot), lambda b: taken[digest(b)]
+                    lambda: simulator.pose(robot), lambda panorama: _taken_at(panorama, robots)
                 )
             else:
                 perception = learned_perception()
-
-            def known_goal(mission: Mission, perception: Perception) -> KnownGoal:
-                if mission.goal == PLACE:
-                    (place,) = mission.goal_poses
-                    shown = before.render(place, self.rig).encode()
-                    taken[digest(shown)] = place
-                    look = perception.stored(shown, None)
-                    return oracle.place(look, perception) if oracle else GoalPlace(look, perception)
-                if oracle:
-                    return oracle.goal(mission.goal)
-                return self._goal(mission, before, conditions.goal_rig(self.rig))
-
-            goal = known_goal(mission, perception)
-            # among panoramas: the goal is as it was shown
-            perception = misled(perception, conditions.wrong_edges, number)
-            record = oracle.record if oracle else perception.record
+            goal = self._goal(mission, before, conditions, perception, oracle)
             told = {
                 name: lie(conditions.lie, simulator, name, number)
                 for name in others[: conditions.liars]
             }
-            rules = conditions.rules
-            robots = assemble(simulator, ledger, number, rules, examine=record, told=told)
+            examine = oracle.record if oracle else perception.record
+            robots = assemble(
+                simulator, ledger, number, conditions.rules, examine=examine, told=told
+            )
             patrols = [] if arm == "alone" else [*others]
             patrols += [robot] if conditions.task == "return" else []
-            if patrols:
-                for name in patrols:
-                    robots[name].observe(look=True)
-                patrol = Patrol(simulator, {name: robots[name] for name in patrols}, number)
-                patrol.drive(conditions.patrol_s)
-                patrol.leave(robot)
-                if conditions.quiet_s > 0:
-                    simulator.step({}, conditions.quiet_s)
-                else:
-                    robots[robot].body.others = patrol.drives
+            _patrol(simulator, robots, patrols, robot, number, conditions)
             simulator.renderer = self.renderer
-            wire = Wire(ledger)
-            index = index_of(ledger, perception, wire.read)
-            bars = Barred(simulator, robot, conditions.barred, number)
+            # among panoramas: the goal is as it was shown
+            misleading = misled(perception, conditions.wrong_edges, number)
+            wire, bars = Wire(ledger), Barred(simulator, robot, conditions.barred, number)
+            index = index_of(ledger, misleading, wire.read)
 
             def drive_to(mission: Mission, goal: KnownGoal, limit_s: float) -> MissionResult:
                 known = published_of(ledger, robot, conditions.keep, memory=True)
-
-                def published() -> Mapping[str, Published]:
-                    for p in (p for body in robots.values() for p in body.publications):
-                        taken[bytes.fromhex(p.digest)] = Pose(p.x_m, p.y_m, p.yaw_rad)
-                    return known()
-
-                share = self._share(mission)
-                config = replace(conditions.config, share=share, limit_s=limit_s)
+                config = replace(conditions.config, share=self._share(mission), limit_s=limit_s)
                 return drive_mission(
-                    robot, robots[robot], published, index, goal, perception, config, bars.tell
+                    robot, robots[robot], known, index, goal, misleading, config, bars.tell
                 )
 
             if conditions.task == "change":
                 other = self.ground.another(mission, number)
-                drive_to(other, known_goal(other, perception), _CHANGE_S)
+                drive_to(
+                    other, self._goal(other, before, conditions, perception, oracle), _CHANGE_S
+                )
             if conditions.task != "goal":
                 way_m = self.ground.way_m(simulator.pose(robot), mission)
                 mission = replace(mission, way_m=way_m, chain=None)
@@ -237,8 +238,24 @@ class Suburb:
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
         return {**row, **sent, "barred": bars.rows, **costs}
 
-    def _goal(self, mission: Mission, before: Renderer, rig: CameraRig) -> GoalPictures:
-        poses = mission.goal_poses
+    def _goal(
+        self,
+        mission: Mission,
+        before: Renderer,
+        conditions: Conditions,
+        perception: Perception,
+        oracle: Oracle | None,
+    ) -> KnownGoal:
+        """As the robot is shown it."""
+        if mission.goal == PLACE:
+            (place,) = mission.goal_poses
+            if oracle:
+                return oracle.place(place, perception)
+            shown = before.render(place, self.rig).encode()
+            return GoalPlace(perception.stored(shown, None), perception)
+        if oracle:
+            return oracle.goal(mission.goal)
+        poses, rig = mission.goal_poses, conditions.goal_rig(self.rig)
         pictures = goal_pictures(self.scene, before, mission.goal, poses, rig)
         return goal_from(pictures, share=self._share(mission))
 

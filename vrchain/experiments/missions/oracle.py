@@ -61,9 +61,9 @@ class Oracle:
         """The goal, known by what it is."""
         return TrueGoal(_embedding(name))
 
-    def place(self, look: Look, perception: Perception) -> "TruePlace":
-        """The place that a look was taken from, as a goal."""
-        return TruePlace(look, perception, self)
+    def place(self, pose: Pose, perception: Perception) -> "TruePlace":
+        """A place as a goal."""
+        return TruePlace(self._look(pose), perception, self)
 
     def bearing_and_range_m(self, a: Look, b: Look) -> tuple[float, float]:
         """Where one look was taken, seen from the other."""
