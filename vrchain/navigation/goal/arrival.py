@@ -243,9 +243,9 @@ class Arrival(Candidates):
     def _touched(self, candidate: Candidate) -> Array | None:
         """What the robot touches of where a goal stands that was surely seen, (2,), or None.
 
-        Who comes round its corner has another side before it than the one that was seen.
+        Who comes round its corner has another side before it than the one that was seen, from near.
         """
-        if not candidate.is_sure(self.pilot.config):
+        if not candidate.is_sure(self.pilot.config) or candidate.sights[-1][1].surface_m > NEAR_M:
             return None
         pilot, (stood, sight) = self.pilot, candidate.sights[-1]
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
