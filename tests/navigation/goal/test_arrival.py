@@ -354,13 +354,18 @@ def test_what_is_touched_beside_an_open_way_to_the_goal_is_something_else() -> N
     assert ours._touched(at(5.0, (0.0, sight_of(5.0, 60)))) is None
 
 
-@pytest.mark.parametrize(("from_m", "touches"), [(15.0, True), (60.0, False)])
+@pytest.mark.parametrize(
+    ("believed_m", "from_m", "touches"), [(5.0, 15.0, True), (20.0, 60.0, False)]
+)
 def test_what_is_touched_on_the_way_to_what_was_seen_from_afar_is_not_it(
-    from_m: float, touches: bool
+    believed_m: float, from_m: float, touches: bool
 ) -> None:
-    """As it was met: 33 m before its goal, seen once from 101 m, a robot took a tree for it."""
-    ours, seen_m = arrival(Standing(HERE, 0.6)), 5.0 if touches else 20.0
-    surely = at(seen_m, (seen_m - from_m, sight_of(from_m, 60)))
+    """As it was met: 33 m before its goal, seen once from 101 m, a robot took another thing for it.
+
+    It is where the goal may be, since that is so unsure.
+    """
+    ours = arrival(Standing(HERE, 0.6))
+    surely = at(believed_m, (believed_m - from_m, sight_of(from_m, 60)))
     assert (ours._touched(surely) is not None) == touches
 
 
