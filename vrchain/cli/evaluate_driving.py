@@ -146,6 +146,9 @@ def team(
     patrol: Annotated[
         float, typer.Option(metavar="S", help="For how long all drive about before.")
     ] = 0.0,
+    limit: Annotated[
+        float, typer.Option(metavar="S", help="Who has not arrived then gives up.")
+    ] = 1800.0,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
     jobs: Jobs = None,
@@ -162,8 +165,9 @@ def team(
 
     folder = kept_folder(output, "team", seed, allow_training_seeds)
     found = experiment.evaluate(
-        scenes_of(spec), runs, robots, seed=seed, folder=folder, patrol_s=patrol, jobs=jobs
-    )
+        scenes_of(spec), runs, robots, seed=seed, folder=folder,
+        patrol_s=patrol, limit_s=limit, jobs=jobs,
+    )  # fmt: skip
     tell(experiment.summarise(found), as_json, experiment.as_table)
 
 

@@ -16,7 +16,6 @@ from vrchain.experiments.missions import team_clock
 from vrchain.experiments.missions.draw import Ground
 from vrchain.experiments.missions.team_clock import as_table, draw, evaluate, summarise
 from vrchain.experiments.scenes import Scenes
-from vrchain.navigation.settings import MissionConfig
 from vrchain.world.truth import GroundTruth
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
@@ -46,10 +45,11 @@ def test_all_drive_at_once_and_are_told_of(tmp_path: Path, monkeypatch: pytest.M
     monkeypatch.setattr(team_clock, "learned_perception", blind)
     monkeypatch.setattr(team_clock, "CameraRig", lambda: RIG)
     monkeypatch.setattr(team_clock, "goal_from", lambda pictures, **share: Nowhere())
-    asked: dict[str, Any] = {"seed": 3, "folder": tmp_path, "config": MissionConfig(limit_s=12.0)}
+    asked: dict[str, Any] = {"seed": 3, "folder": tmp_path, "limit_s": 12.0}
     table = evaluate(HAMLET, 1, 3, **asked)
     assert list(table.robot) == ["R1", "R2", "R3"] and not table.success.any()
     assert table.reason.str.contains("out of time").all()
+    assert all(log[-1]["what"] == "gave up" for log in table.log)
     assert table.seconds.between(12.0, 13.0).all() and (table.driven_m > 2.0).all()
     assert (table.published >= 3).all() and (table.nearest_m > 0).all()
     assert (table.collisions == 0).all()
@@ -81,6 +81,8 @@ def rows(run: int, success: list[bool], seconds: list[float]) -> list[dict[str, 
 
 def test_the_last_to_arrive_stops_the_clock() -> None:
     table = pd.DataFrame(rows(0, [True, True], [90, 200]) + rows(1, [True, False], [50, 600]))
+    late = summarise(pd.concat([table, pd.DataFrame(rows(2, [True, True], [90, 610]))]))["team"]
+    assert late["all_arrived"] == pytest.approx(2 / 3) and late["all_600s"] == pytest.approx(1 / 3)
     team = summarise(table)["team"]
     assert (team["runs"], team["robots"], team["all_arrived"], team["all_s"]) == (2, 2, 0.5, 200)
     assert team["success"] == 0.75 and team["false_arrivals"] == 1
@@ -92,3 +94,6 @@ def test_what_cannot_be_asked_for(tmp_path: Path) -> None:
     for runs, robots, patrol_s in ((0, 3, 0.0), (1, 0, 0.0), (1, 3, -1.0), (1, 3, np.inf)):
         with pytest.raises(MissionError):
             evaluate(HAMLET, runs, robots, seed=3, folder=tmp_path, patrol_s=patrol_s)
+    for limit_s in (0.0, np.inf, np.nan):
+        with pytest.raises(MissionError, match="more than 0 seconds"):
+            evaluate(HAMLET, 1, 3, seed=3, folder=tmp_path, limit_s=limit_s)

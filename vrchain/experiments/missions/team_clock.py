@@ -6,9 +6,10 @@ their range rings alone. No two have one goal. Who has arrived, or gives up, sta
 
 import tempfile
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import partial
 from itertools import combinations
+from math import ceil
 from pathlib import Path
 from time import perf_counter
 
@@ -43,6 +44,8 @@ from vrchain.world.truth import GroundTruth
 
 SUBURBS = 10
 NEAR_M = 0.3  # between the sides of two robots: a near miss
+LIMIT_S = 1800.0  # of each robot: long enough to ask until when, not only whether
+LOOKS_PER_S = 1 / 3  # at most, as a mission of 600 s has
 _DRAWS = 200
 _APART_M = 2.0  # at the start
 
@@ -85,20 +88,22 @@ def draw(ground: Ground, seed: int, k: int, number: int, n_robots: int) -> dict[
 
 def evaluate(
     scenes: Scenes, n_runs: int, n_robots: int, *, seed: int, folder: Path,
-    patrol_s: float = 0.0, config: MissionConfig | None = None, jobs: int | None = 1,
+    patrol_s: float = 0.0, limit_s: float = LIMIT_S, jobs: int | None = 1,
 ) -> pd.DataFrame:  # fmt: skip
     """One row a run and robot, by turns in ten suburbs; what is under ``folder`` is read.
 
-    patrol_s: for how long all drive about and publish before. Columns: suburb, run, robot, arrived
-    (by its own word), success, reason, seconds, driven_m, way_m, collisions, and of the run:
-    near_misses, nearest_m between two robots' sides, published, wall_s.
+    patrol_s: for how long all drive about and publish before. limit_s: who has not arrived then
+    gives up. Columns: suburb, run, robot, arrived (by its own word), success, reason, seconds,
+    driven_m, way_m, collisions, log (its decisions), and of the run: near_misses, nearest_m between
+    two robots' sides, published, wall_s.
     """
     robot_names(n_robots)  # refused before a scene is built
-    if n_runs < 1 or not 0 <= patrol_s < np.inf:
+    if n_runs < 1 or not 0 <= patrol_s < np.inf or not 0 < limit_s < np.inf:
         raise MissionError(
-            f"expected 1 run or more and seconds of patrol, got {n_runs} and {patrol_s}"
+            "expected 1 run or more, seconds of patrol and more than 0 seconds for each robot, "
+            f"got {n_runs}, {patrol_s} and {limit_s}"
         )
-    config = config or MissionConfig()
+    config = MissionConfig(limit_s=limit_s, max_looks=ceil(limit_s * LOOKS_PER_S))
     where = folder_of(folder, scenes, n_robots, seed, patrol_s, repr(config), maker_of())
     files = [where / f"run_{number:04d}.json" for number in range(n_runs)]
     run = partial(_run, scenes, seed, n_robots, patrol_s, config)
@@ -150,7 +155,7 @@ def _run(
             "driven_m": float(np.hypot(*np.diff(paths[name], axis=0).T).sum()),
             "way_m": errands[name].way_m, "collisions": simulator.collisions(name),
             "near_misses": near, "nearest_m": nearest_m, "published": published,
-            "wall_s": perf_counter() - began_s,
+            "wall_s": perf_counter() - began_s, "log": [asdict(d) for d in result.decisions],
         })  # fmt: skip
     return rows
 
@@ -169,9 +174,10 @@ def _nearness(paths_xy_m: Sequence[Array]) -> tuple[float, int]:
 def summarise(table: pd.DataFrame) -> dict[str, dict[str, object]]:
     """The figures, under ``team``, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
-    Over runs: all_arrived, the share in which every robot reached its goal; all_s, the mean of the
-    seconds until the last did, of those; near_misses, nearest_m, published, wall_s. Over robots:
-    success, seconds, driven_over_way. Counts: runs, robots, false_arrivals, collisions.
+    Over runs: all_arrived, the share in which every robot reached its goal, and all_600s, within a
+    mission's usual 600 s; all_s, the mean of the seconds until the last did, of those in which all
+    did; near_misses, nearest_m, published, wall_s. Over robots: success, seconds, driven_over_way.
+    Counts: runs, robots, false_arrivals, collisions.
     """
     told = Bootstrap(table.suburb, "team")
     runs = table.groupby("run").agg(
@@ -185,6 +191,8 @@ def summarise(table: pd.DataFrame) -> dict[str, dict[str, object]]:
         "runs": len(runs),
         "robots": len(table) // len(runs),
         **told.share("all_arrived", runs.all_arrived.astype(float), runs.suburb),
+        **told.share("all_600s", (runs.all_arrived & (runs.last_s <= 600)).astype(float),
+                     runs.suburb),
         **told.mean("all_s", whole.last_s, whole.suburb),
         **told.share("success", success.astype(float), table.suburb),
         **told.mean("seconds", table.seconds[success], table.suburb[success]),
@@ -201,7 +209,8 @@ def summarise(table: pd.DataFrame) -> dict[str, dict[str, object]]:
 def as_table(summary: Mapping[str, Mapping[str, object]]) -> str:
     """The figures to read."""
     names = (
-        "runs", "robots", "all_arrived", "all_s", "success", "seconds", "driven_over_way",
-        "false_arrivals", "collisions", "near_misses", "nearest_m", "published", "wall_s",
+        "runs", "robots", "all_arrived", "all_600s", "all_s", "success", "seconds",
+        "driven_over_way", "false_arrivals", "collisions", "near_misses", "nearest_m",
+        "published", "wall_s",
     )  # fmt: skip
     return str(table_of(summary, names, "team", ".2f").T.to_string())
