@@ -31,7 +31,9 @@ from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.following import Follower, _is_idle
 from vrchain.navigation.goal.arrival import Arrival
+from vrchain.navigation.goal.candidates import Candidate
 from vrchain.navigation.goal.recognition import GoalPictures, GoalSight
+from vrchain.navigation.goal.rejections import Driven
 from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.planning.route import Leg, Plan, Route
@@ -559,3 +561,47 @@ def test_a_better_route_seen_on_the_way_to_a_lookout_is_followed(
     route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5, trust)
     assert ours.from_lookout(lookout, route) == leads
     assert followed == [better] * leads
+
+
+@pytest.mark.parametrize(
+    ("x_m", "trust", "seen", "weighed"),
+    [
+        (60.0, 1.0, 0.75, 0.375),
+        (60.0, 0.5, 0.75, 0.643),
+        (14.0, 1.0, 0.75, 0.8),
+        (14.0, 0.5, 0.75, 0.75),
+        (14.0, 1.0, 0.5, 0.8),
+        (30.0, 1.0, 0.75, 0.8),
+        (30.0, 1.0, 0.5, 0.5),
+        (46.0, 1.0, 0.75, 0.75),
+    ],
+)
+def test_what_may_be_the_goal_is_weighed_against_a_route_that_leads_there_or_elsewhere(
+    x_m: float, trust: float, seen: float, weighed: float
+) -> None:
+    """As it was met: a robot went to see what stood 80 m from where others surely saw the goal."""
+    ours = object.__new__(Follower)
+    ours.config, ours.pilot = MissionConfig(), cast(Any, SimpleNamespace(here=Pose(0.0, 0.0)))
+    ours.rejections = cast(Any, SimpleNamespace(same_m=8.0))
+    goal_m = 10.0 if x_m in (14.0, 60.0) else 34.0
+    should_be, is_at = (Estimate(np.array([at, 0.0]), 9.0 * np.eye(2)) for at in (goal_m, x_m))
+    route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5, trust)
+    driven, candidate = Driven(route, object.__new__(Plan), HOME, should_be), Candidate(is_at, seen)
+    assert ours.weighed(candidate, driven).chance == pytest.approx(weighed, abs=1e-3)
+    for unknown in (None, replace(driven, goal=None)):
+        assert ours.weighed(candidate, unknown) is candidate
+
+
+def test_where_no_goal_was_found_speaks_against_no_other_place(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    ours, place = object.__new__(Follower), Estimate(np.array([5.0, 0.0]), np.eye(2))
+    ours.config, ours.pilot = MissionConfig(), cast(Any, SimpleNamespace(here=HOME))
+    ours.arrival = cast(Any, SimpleNamespace(is_blocked=lambda goal: False, was_mistaken=bool))
+    ours.rejections = cast(Any, SimpleNamespace(pairs=[], found_nothing=lambda *found: None))
+    monkeypatch.setattr(ours, "home", lambda *asked: False)
+    met = list[Driven | None]()
+    monkeypatch.setattr(ours, "from_lookout", lambda *asked: met.append(ours.driven))
+    route = Route((), "R2", GoalSight(0.0, 9.0, 9.0, 0.1, 20, 3.0, 0.9), 0.5, 0.99)
+    assert not ours.to_goal(place, None, Driven(route, object.__new__(Plan), HOME, place), 0)
+    assert [driven.goal if driven else place for driven in met] == [None]

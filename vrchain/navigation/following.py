@@ -1,6 +1,7 @@
 """Following a route: from landmark to landmark, and from the last one home to the goal."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.targets import targets
 from vrchain.navigation.driving.tracker import Tracker
 from vrchain.navigation.goal.arrival import NEAR_M, Arrival
-from vrchain.navigation.goal.candidates import Candidate
+from vrchain.navigation.goal.candidates import SAME_STD, Candidate, at_odds
 from vrchain.navigation.goal.place import PlaceArrival
 from vrchain.navigation.goal.rejections import Driven
 from vrchain.navigation.perception import Look
@@ -29,6 +30,7 @@ _REACHED_M = 25.0  # a landmark that was reached from farther away is led to aga
 # Trust in a route from which its goal is looked for again from where it was seen: 15 of 51 times it
 # was found so, by routes trusted less 3 of 54 times, for 45 s each.
 _WORTH_SEEING = 0.9
+_LED = 0.8  # of routes that are trusted led to the goal
 
 
 class Follower:
@@ -44,16 +46,11 @@ class Follower:
 
     def follow(self, found: Plan) -> bool:
         """Drive a plan's route leg by leg, and home to the goal; True if it is reached."""
-        pilot, route = self.pilot, found.route
-        assert route is not None, "there is none to follow"
+        driven, trackers, lookout = self.aim(found)
+        pilot, route, goal = self.pilot, driven.route, driven.goal
         self.log_route(found, route)
-        begin, first = self.replanner.begin(route)
-        self.plans.append((first, route))
-        self.driven = driven = Driven(route, found, begin)
-        trackers, goal, lookout = targets(
-            route, [found.looks[name] for name in route.robots], found.poses, found.goal_seen_by,
-            begin, pilot.here, pilot.perception.calibration,
-        )  # fmt: skip
+        self.plans.append((self.replanner.begin(route)[1], route))
+        self.driven = driven
         if goal and (self.arrival.was_mistaken(goal) or self.rejections.was_in_vain(goal)):
             why = f"no goal is where {route.seen_by} should see it, as was found before"
             self.log("doubt", why)
@@ -85,6 +82,31 @@ class Follower:
             self.log("lost", f"nothing tells how far {lost.next_by} is from {lost.seen_by}")
             self.replanner.failed.add(lost.key)
         return False
+
+    def aim(self, found: Plan) -> tuple[Driven, list[Tracker], Tracker | None]:
+        """A plan's route from here, what its legs lead to, and from where the goal was seen."""
+        route, pilot = found.route, self.pilot
+        assert route is not None, "there is none to follow"
+        begin, _ = self.replanner.begin(route)
+        trackers, goal, lookout = targets(
+            route, [found.looks[name] for name in route.robots], found.poses, found.goal_seen_by,
+            begin, pilot.here, pilot.perception.calibration,
+        )  # fmt: skip
+        return Driven(route, found, begin, goal), trackers, lookout
+
+    def weighed(self, candidate: Candidate, driven: Driven | None) -> Candidate:
+        """As likely as it is beside a route, which leads to the goal there, or elsewhere."""
+        goal = driven.goal if driven else None
+        if driven is None or goal is None:
+            return candidate
+        chance, led = candidate.chance, _LED * driven.route.trust
+        if goal.astray(candidate.place) >= SAME_STD:
+            return replace(candidate, chance=at_odds(chance, 1 - led))
+        near = candidate.place.range_m(self.pilot.here) < NEAR_M  # from afar the route is better
+        there = np.hypot(*(goal.xy_m - candidate.place.xy_m)) < self.rejections.same_m
+        if there and (near or chance >= self.config.likely):
+            return replace(candidate, chance=max(chance, led))  # a look-alike deceives others too
+        return candidate
 
     def log_route(self, found: Plan, route: Route) -> None:
         """Who sees the goal, and by which landmarks the robot goes there."""
@@ -119,6 +141,7 @@ class Follower:
         tried = self.arrival.is_blocked(goal)
         if self.home(goal, route):
             return True
+        self.driven = replace(driven, goal=None)  # it speaks against no other place any more
         if not tried and self.arrival.is_blocked(goal):
             return False  # the route was right
         shown = self.arrival.was_mistaken(goal) or goal.range_m(pilot.here) < NEAR_M
@@ -142,9 +165,14 @@ class Follower:
         """To what came into view instead; True if it leads to the goal."""
         return self.arrival.drive_to(seen) if isinstance(seen, Candidate) else self.follow(seen)
 
+    def noted(self, look: Look) -> Candidate | None:
+        """What may be the goal in a look, beside the route that is driven."""
+        candidate = self.arrival.note(look)
+        return self.weighed(candidate, self.driven) if candidate else None
+
     def regard(self, look: Look, route: Route) -> Seen | str | None:
         """What a look on the way tells: what may be the goal, a better route, or a wrong one."""
-        candidate = self.arrival.note(look)
+        candidate = self.noted(look)
         if candidate is not None and candidate.chance >= self.config.likely:
             return candidate
         if self.driven and self.rejections.is_elsewhere(look, self.pilot.here, self.driven):
@@ -162,7 +190,7 @@ class Follower:
 
     def home(self, place: Estimate, route: Route) -> bool:
         """From the last landmark to where the goal should be."""
-        candidate = self.arrival.note(self.pilot.look_around())
+        candidate = self.noted(self.pilot.look_around())
         if candidate is not None and candidate.chance >= self.config.likely:
             if self.arrival.drive_to(candidate):
                 return True

@@ -89,12 +89,13 @@ def _drive(follower: Follower, explorer: Explorer) -> None:
         # Where it stands as it did: what was refuted of its last look holds.
         look = seen if seen is not None and stood == pilot.here else pilot.look_around()
         arrival.note(look)
-        candidate = arrival.likeliest
+        candidate, found = arrival.likeliest, replanner.plan(look)
+        if candidate and found.route:
+            candidate = follower.weighed(candidate, follower.aim(found)[0])
         if candidate is not None and candidate.chance >= config.likely:
             if arrival.drive_to(candidate):
                 return
             continue
-        found = replanner.plan(look)
         least = config.least_trust * _PATIENCE**fruitless
         least = least if candidate is None else candidate.chance
         if found.route is not None and found.route.trust >= least:

@@ -141,6 +141,20 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
     assert len(turns) > 5  # at five sides, and on the way to the last
 
 
+@pytest.mark.parametrize("bearing_rad", [0.0, 1.5])
+def test_what_a_look_around_shows_of_what_is_circled_counts(
+    bearing_rad: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it was met: the goal was gone round, seen surely by looks around, and given up."""
+    around = sight_of(8.0, 60, 0.99, bearing_rad=bearing_rad)  # beside where a glance is thrown
+    ours, seen = arrival(), candidate(8.0, 0.95)
+    monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter([seen.place] * n))
+    find = lambda look, *window, **fair: None if window else around  # noqa: E731
+    ours.goal = cast(Any, SimpleNamespace(find=find))
+    cast(Any, ours.pilot).here = Pose(0.6, 0.0)
+    assert ours._circle(seen).is_sure(CONFIG) == (bearing_rad == 0.0)
+
+
 @pytest.mark.parametrize(("chance", "x_m", "left"), [(1.0, 60.0, 1), (1.0, 9.0, 3), (0.9, 60.0, 3)])
 def test_a_circle_is_left_for_what_is_far_surer_elsewhere(
     chance: float, x_m: float, left: int, monkeypatch: pytest.MonkeyPatch
@@ -203,6 +217,18 @@ def test_the_side_in_front_is_another_on_the_way() -> None:
     pilot.stretch = lambda *way: setattr(pilot.now, "time_ns", 10) or 4.0
     after = ours._close_in(before)
     assert after.place.std_m**2 == pytest.approx(before.place.std_m**2 + 0.8)
+
+
+def test_two_bearings_to_a_wide_thing_do_not_tell_how_far_it_is() -> None:
+    """As it was met: two sights of a house, each to another part of it, put it 9 m before both."""
+    ours = arrival()
+    for bearing_rad in (0.0, 0.25):
+        seen = sight_of(20.0, bearing_rad=bearing_rad, half_width_rad=0.3)
+        ours.goal = cast(Any, SimpleNamespace(find=lambda *asked, seen=seen, **fair: seen))
+        ours.note(cast(Any, None))
+        cast(Any, ours.pilot).here = Pose(1.0, 0.0)
+    (found,) = ours.candidates
+    assert 18.5 < found.place.range_m(HERE) < 21.0
 
 
 def test_two_looks_from_one_place_are_one_sight() -> None:

@@ -103,12 +103,14 @@ class Arrival(Candidates):
         for side in self._sides(candidate, _SIDES):
             surest = candidate.surest
             candidate = self._regarded(replace(candidate, place=side))
+            around = self.note(self.pilot.look_around())
+            if around is not None and self._is_near(around.place.xy_m, candidate.place):
+                candidate = candidate.with_sight(*around.sights[-1])
             if candidate.is_sure(self.pilot.config):
                 return self._close_in(candidate)
             if candidate.surest > surest:
                 chance = max(chance, at_odds(candidate.surest, _UNSURE))
             chance = at_odds(chance, _AGAIN)
-            self.note(self.pilot.look_around())
             if chance < EVEN or self._is_surer_elsewhere(candidate.place, at_odds(chance, _SURER)):
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
@@ -118,9 +120,7 @@ class Arrival(Candidates):
     def _is_surer_elsewhere(self, place: Estimate, chance: float) -> bool:
         """Whether what is likeliest by the looks around is likelier than that, and not there."""
         other = self.likeliest
-        if other is None or other.chance <= chance:
-            return False
-        return not self._is_near(place.xy_m, other.place)
+        return bool(other and other.chance > chance and not self._is_near(place.xy_m, other.place))
 
     def _is_claimed(self, candidate: Candidate) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""

@@ -157,7 +157,7 @@ class Candidates:
 
     def _begin(self, candidate: Candidate) -> None:
         """It waits no longer: it is driven to."""
-        self.candidates = [c for c in self.candidates if c is not candidate]
+        self.candidates = [c for c in self.candidates if c.place is not candidate.place]
         bearing, range_m = candidate.place.seen_from(self.pilot.here)
         self.log(
             "approach", "the goal", len(self.pilot.looks) - 1,

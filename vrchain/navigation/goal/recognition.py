@@ -72,7 +72,7 @@ class GoalSight:
 
     def place(self, here: Pose) -> Estimate:
         """Where its nearest side is, seen from here."""
-        return sighted(here, self.bearing_rad, self.surface_m)
+        return sighted(here, self.bearing_rad, self.surface_m, self.half_width_rad)
 
 
 def any_sight(sight: GoalSight) -> bool:

@@ -21,11 +21,12 @@ _NOTHING = 0.05  # or else this is the trust in a relative pose with them
 
 @dataclass(frozen=True, eq=False)
 class Driven:
-    """A route that is driven, from where, and the plan that it is of."""
+    """A route that is driven, from where, the plan that it is of, and where the goal should be."""
 
     route: Route
     plan: Plan
     begin: Pose
+    goal: Estimate | None = None
 
     def expected(self) -> list[tuple[bytes, Pose, int]]:
         """Where others' panoramas should have been taken, as far as something tells.
