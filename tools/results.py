@@ -131,13 +131,14 @@ def history(rows: pd.DataFrame) -> str:
         "[results.csv](../../figures/results.csv), which has seeds, commands and all other",
         "figures that are quoted. Brackets: 95 % intervals.",
         "",
-        "| figure | date | commit | value | n |",
-        "|---|---|---|---|---|",
+        "| figure | date | commit | seed | value | n |",
+        "|---|---|---|---|---|---|",
     ]
     for figure, name in _KEY.items():
         for _, row in rows[rows.figure == figure].iterrows():
             ends = f" [{row['low']}, {row['high']}]" if row["low"] else ""
-            told = (name, row["date"], row["commit"], f"{row['value']}{ends}", row["n"])
+            value = f"{row['value']}{ends}"
+            told = (name, row["date"], row["commit"], row["seed"], value, row["n"])
             lines.append(f"| {' | '.join(told)} |")
     return "\n".join(lines) + "\n"
 

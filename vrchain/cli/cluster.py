@@ -34,6 +34,9 @@ T = TypeVar("T")
 
 _PORT, _ROUTE_PORT, _MONITOR_PORT = 4222, 6222, 8222
 
+Home = Annotated[
+    Path, typer.Option("-o", "--output", metavar="DIR", help="The cluster's folder.")
+]
 Address = Annotated[
     str, typer.Argument(metavar="SERVERS", help="nats://HOST,HOST,HOST or tls://...")
 ]
@@ -58,7 +61,7 @@ Anonymous = Annotated[
 
 @app.command()
 def up(
-    output: Folder,
+    output: Home,
     nodes: Annotated[int, typer.Option(min=1, max=9, help="How many servers.")] = 3,
     ledger: OfLedger = None,
     maker: Makers = None,
@@ -94,7 +97,7 @@ def up(
 
 
 @app.command()
-def status(output: Folder, as_json: Json = False) -> None:
+def status(output: Home, as_json: Json = False) -> None:
     """What each server says of the ledger; exit status 1 when one is down or has lost blocks."""
     rows = Cluster.load(output).status()
     newest = max((row.get("block_last", 0) for row in rows), default=0)
@@ -116,7 +119,7 @@ def status(output: Folder, as_json: Json = False) -> None:
 
 
 @app.command()
-def down(output: Folder, as_json: Json = False) -> None:
+def down(output: Home, as_json: Json = False) -> None:
     """End the servers of DIR; what they hold stays there."""
     cluster = Cluster.load(output)
     names = [node.name for node in cluster.nodes if cluster.process(node.name)]
