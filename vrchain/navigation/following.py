@@ -73,7 +73,7 @@ class Follower:
             self.log("reached", f"{tracker.name} is near", seen=tracker.seen, landmark=landmark)
             self.reached[leg.key] = pilot.here
             passed = k
-        if goal and len(trackers) == len(route.legs):
+        if goal:
             return self.to_goal(goal, lookout, driven, passed)
         if not passed:  # or else from here it will see more
             between = found.poses.between
@@ -249,7 +249,7 @@ class Follower:
                     return "near"
                 self.log("blocked", f"no way leads to {name}")
                 return "blocked"
-            tracker.moved(way_m)
+            tracker.place = tracker.place.after(way_m)
             glanced_m, looked_m = glanced_m + way_m, looked_m + way_m
             if looked_m >= config.look_every_m:
                 glanced_m = looked_m = 0.0

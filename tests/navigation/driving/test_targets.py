@@ -63,5 +63,5 @@ def test_what_nothing_tells_of_ends_the_list() -> None:
 def test_an_estimate_fades_with_the_way_however_often_it_is_asked(way_m: float, steps: int) -> None:
     tracker = Tracker("a place", Estimate(np.zeros(2), np.eye(2)), CALIBRATION)
     for _ in range(steps):
-        tracker.moved(way_m / steps)
+        tracker.place = tracker.place.after(way_m / steps)
     assert tracker.place.std_m == pytest.approx(np.sqrt(1.0 + 0.03 * way_m))

@@ -113,5 +113,5 @@ def test_legs_rest_on_the_best_reason() -> None:
 
 
 def test_an_empty_ledger() -> None:
-    graph = landmark_graph(["A"], [], {})
+    graph = landmark_graph(["A"], [])
     assert graph.legs == () and graph.landmarks == () and graph.planner.best(0, {}) is None

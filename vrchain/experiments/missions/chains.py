@@ -50,7 +50,7 @@ class Views:
     """What is seen from poses, and how far all is from there: found out once for each."""
 
     def __init__(self, truth: GroundTruth, rig: CameraRig, free: FreeSpace) -> None:
-        self.sights = sights = cache(lambda pose: Sights(truth, pose, rig))
+        sights = cache(lambda pose: Sights(truth, pose, rig))
         self.sees = cache(lambda target, pose: truth.sees(target, pose, rig))
         self.any_of = cache(lambda target, pose: len(truth.visibility(pose, rig, of=target)) > 0)
         self.shared = cache(lambda a, b: shared(truth, sights(a), sights(b)))

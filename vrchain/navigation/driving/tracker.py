@@ -31,10 +31,6 @@ class Tracker:
     seen: int = 0
     missed: int = 0
 
-    def moved(self, way_m: float) -> None:
-        """The robot has driven so far: odometry has drifted."""
-        self.place = self.place.after(way_m)
-
     def update(self, look: Look, here: Pose) -> None:
         """Take in a look that should show it."""
         if len(self.embedding) == 0:

@@ -107,7 +107,7 @@ class Compared:
         pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self.own]
         pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
         for pair in partners(self.names, pairs):
-            if not self._is_known(pair) and pair[1] not in self.own:
+            if not self._is_known(pair):
                 self._compare(*pair)
         self._left = [pair for pair in pairs if not self._is_known(pair)]
         self.bridge(seers)
@@ -136,7 +136,6 @@ class Compared:
             p for p in in_order if p in self.found and _UNSURE[0] < poses.trust(p) < _UNSURE[1]
         ]
         asked = {self._in_order(*other) for pair in unsure for other in poses.unasked(pair)}
-        asked -= set(combinations(self.own, 2))  # odometry tells
         for pair in sorted(asked):
             self._compare(*pair)
         return bool(asked)

@@ -84,11 +84,10 @@ class Landmark:
 
 @dataclass(frozen=True, eq=False)
 class LandmarkGraph:
-    """Robots, the landmarks that two or more of them see, and who sees the goal how surely."""
+    """Robots, and the landmarks that two or more of them see."""
 
     robots: tuple[str, ...]
     landmarks: tuple[Landmark, ...]
-    goal: Mapping[str, float]
 
     @cached_property
     def legs(self) -> tuple[tuple[int, Claim], ...]:
@@ -107,18 +106,9 @@ class LandmarkGraph:
             [claim.score for _, claim in self.legs],
         )
 
-    def name(self, landmark: int) -> str:
-        """What a landmark node is called: N1, N2 ..."""
-        return f"N{landmark + 1}"
 
-
-def landmark_graph(
-    robots: Sequence[str], claims: Sequence[Claim], goal: Mapping[str, float] | None = None
-) -> LandmarkGraph:
-    """The graph of what panoramas have in common; each is named like a robot.
-
-    goal: the robots that see it, each with the chance that what it sees is the goal.
-    """
+def landmark_graph(robots: Sequence[str], claims: Sequence[Claim]) -> LandmarkGraph:
+    """The graph of what panoramas have in common; each is named like a robot."""
     surest_first = sorted(claims, key=lambda claim: -claim.score)
     numbers, owners = _numbered(
         [end for c in surest_first for end in ((c.a, c.landmark.a), (c.b, c.landmark.b))]
@@ -138,7 +128,7 @@ def landmark_graph(
             sights.setdefault(claim.b, Sight(seen.b, seen.support_b))
         in_order = {name: sights[name] for name in robots if name in sights}
         landmarks.append(Landmark(in_order, tuple(surest_first[k] for k in chosen)))
-    return LandmarkGraph(tuple(robots), tuple(landmarks), dict(goal or {}))
+    return LandmarkGraph(tuple(robots), tuple(landmarks))
 
 
 def split_components(

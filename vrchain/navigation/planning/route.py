@@ -175,7 +175,7 @@ def plan(
         claims += _claims(panoramas.found, rights, rig)
         claims = [claim for claim in claims if key(claim) not in failed]
         chances = {name: sighting.chance for name, sighting in sights.items()}
-        graph = landmark_graph(panoramas.names, claims, chances)
+        graph = landmark_graph(panoramas.names, claims)
         chain = graph.planner.best(
             0, {panoramas.names.index(name): chance for name, chance in chances.items()},
             without_legs=[k for k, (_, claim) in enumerate(graph.legs) if key(claim) in failed],
@@ -269,7 +269,7 @@ def _route(
     """
     robots = [graph.robots[i] for i in chain.robots]
     hops = [
-        (a, b, claim, graph.name(landmark))
+        (a, b, claim, f"N{landmark + 1}")
         for pair, landmark in zip(pairwise(robots), chain.landmarks, strict=True)
         for a, b, claim in graph.landmarks[landmark].path(*pair)
     ]
