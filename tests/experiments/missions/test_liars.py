@@ -152,6 +152,14 @@ def test_lies_that_there_are_not() -> None:
     assert set(LIES) == {"odometry", "elsewhere", "old", "photograph", "twins", "nothing"}
 
 
+def test_who_drives_does_not_lie(tmp_path: Path) -> None:
+    with pytest.raises(MissionError, match="fewer liars than the 4 robots"):
+        evaluate(
+            Scenes(the_hamlet, "hamlet", varied=False), 1, 4, ["ledger"], seed=3, folder=tmp_path,
+            conditions=Conditions(liars=4),
+        )  # fmt: skip
+
+
 @pytest.mark.parametrize("kind", ["nothing", "elsewhere"])
 def test_a_ledger_of_only_liars_is_given_up_in_time(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -16,6 +16,7 @@ from vrchain.experiments.missions import team_clock
 from vrchain.experiments.missions.draw import Ground
 from vrchain.experiments.missions.team_clock import as_table, draw, evaluate, summarise
 from vrchain.experiments.scenes import Scenes
+from vrchain.simulation import mission
 from vrchain.world.truth import GroundTruth
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
@@ -55,6 +56,35 @@ def test_all_drive_at_once_and_are_told_of(tmp_path: Path, monkeypatch: pytest.M
     assert (table.collisions == 0).all()
     monkeypatch.setattr(team_clock, "Simulator", None)  # nothing is left to do
     pd.testing.assert_frame_equal(table, evaluate(HAMLET, 1, 3, **asked))
+
+
+@pytest.mark.parametrize("patrol_s", [0.0, 6.0])
+def test_each_has_an_index_and_a_memory_of_its_own_and_ways_count_from_where_it_set_out(
+    patrol_s: float, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What one compares is none of another's budget."""
+    monkeypatch.setattr(team_clock, "learned_perception", blind)
+    monkeypatch.setattr(team_clock, "CameraRig", lambda: RIG)
+    monkeypatch.setattr(team_clock, "goal_from", lambda pictures, **share: Nowhere())
+    indices: list[object] = []
+    remembered: list[bool] = []
+
+    def index_of(*asked: Any) -> Any:
+        indices.append(mission.index_of(*asked))
+        return indices[-1]
+
+    def published_of(*asked: Any, memory: bool) -> Any:
+        remembered.append(memory)
+        return mission.published_of(*asked, memory=memory)
+
+    monkeypatch.setattr(team_clock, "index_of", index_of)
+    monkeypatch.setattr(team_clock, "published_of", published_of)
+    table = evaluate(HAMLET, 1, 3, seed=3, folder=tmp_path, limit_s=3.0, patrol_s=patrol_s)
+    assert len(set(map(id, indices))) == 3 and remembered == [patrol_s > 0] * 3
+    scene = the_hamlet(3, 0)
+    drawn = draw(Ground(scene, GroundTruth(scene), RIG), 3, 0, 0, 3)
+    ways_m = [drawn[name].way_m for name in table.robot]
+    assert (list(table.way_m) == pytest.approx(ways_m)) == (patrol_s == 0)
 
 
 def test_near_misses_are_counted_once_each() -> None:

@@ -175,10 +175,10 @@ class Ground:
             return None
         return (way_m, pictured) if len(pictured) == GOAL_PICTURES else None
 
-    def way_m(self, pose: Pose, mission: Mission) -> float:
-        """The shortest free way to a mission's goal, from the free place nearest to a pose."""
-        to_place = mission.goal == PLACE
-        zone = self._zone(mission.goal_poses[0] if to_place else self.scene.index_of(mission.goal))
+    def way_m(self, pose: Pose, goal: str, goal_poses: tuple[Pose, ...]) -> float:
+        """The shortest free way to a goal, from the free place nearest to a pose."""
+        to_place = goal == PLACE
+        zone = self._zone(goal_poses[0] if to_place else self.scene.index_of(goal))
         within_m = self.free.points_m[self.free.region == self.room(to_place)[0]]
         nearest_m = within_m[np.hypot(*(within_m - pose.xy_m).T).argmin()]
         return float(self.free.from_m(nearest_m)[zone].min())

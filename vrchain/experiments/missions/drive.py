@@ -228,13 +228,16 @@ class Suburb:
                     other, self._goal(other, before, conditions, perception, oracle), _CHANGE_S
                 )
             if conditions.task != "goal":
-                way_m = self.ground.way_m(simulator.pose(robot), mission)
+                pose = simulator.pose(robot)
+                way_m = self.ground.way_m(pose, mission.goal, mission.goal_poses)
                 mission = replace(mission, way_m=way_m, chain=None)
             first, started_ns = len(simulator.times_s) - 1, simulator.clock_ns
+            bumped = simulator.collisions(robot)
             result = drive_to(mission, goal, conditions.config.limit_s)
             sent = wire.sent(robot, len(others))
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds, first)
+        row["collisions"] = simulator.collisions(robot) - bumped
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
         return {**row, **sent, "barred": bars.rows, **costs}
 
@@ -295,7 +298,6 @@ class Suburb:
             "way_m": mission.way_m,
             "chain": len(chain.landmarks) if chain else 0,
             "chain_way_m": chain.way_m if chain else None,
-            "collisions": simulator.collisions(robot),
             "replans": max(0, len(result.plans) - 1),
             "legs": len(reached),
             "to_landmarks": sum(d.values["landmark"] for d in reached),

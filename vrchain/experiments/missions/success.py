@@ -79,6 +79,10 @@ def evaluate(
             f"{', '.join(arms)}"
         )
     rig, conditions = rig or CameraRig(), conditions or Conditions()
+    if conditions.liars >= n_robots:
+        raise MissionError(
+            f"expected fewer liars than the {n_robots} robots: one drives, got {conditions.liars}"
+        )
     scenes.at(conditions.season, conditions.time)  # refused before anything is driven, as is
     conditions.goal_rig(rig)
     drawn = folder_of(folder, scenes, n_robots, seed, asdict(rig), to_places, landmarks)

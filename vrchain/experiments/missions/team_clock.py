@@ -7,7 +7,7 @@ their range rings alone. No two have one goal. Who has arrived, or gives up, sta
 import tempfile
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from functools import partial
+from functools import cache, partial
 from itertools import combinations
 from math import ceil
 from pathlib import Path
@@ -130,10 +130,19 @@ def _run(
         for robot in robots.values():
             robot.observe(look=True)
         Patrol(simulator, robots, own).drive(patrol_s)
-        first, index = len(simulator.times_s) - 1, index_of(ledger, perception)
+        first = len(simulator.times_s) - 1
+        bumped = {name: simulator.collisions(name) for name in robots}
+        way_m = {
+            name: ground.way_m(simulator.pose(name), e.goal, e.goal_poses)
+            for name, e in errands.items()
+        }
+        # what one has worked out the others need not, but each has its own budget for it
+        shared = replace(perception, stored=cache(perception.stored),
+                         compare=cache(perception.compare))  # fmt: skip
 
         def drive(name: str) -> tuple[MissionResult, int]:
-            e, known = errands[name], published_of(ledger, name, REMEMBERED)
+            e, index = errands[name], index_of(ledger, shared)
+            known = published_of(ledger, name, REMEMBERED, memory=patrol_s > 0)
             pictures = goal_pictures(scene, simulator.renderer, e.goal, e.goal_poses, rig)
             share = pictured_share(scene, e.goal, e.goal_poses)
             shown, own = goal_from(pictures, share=share), replace(config, share=share)
@@ -153,7 +162,7 @@ def _run(
             "arrived": result.arrived, "success": result.arrived and at_goal,
             "reason": result.reason, "seconds": (ended_ns - began_ns) / 1e9,
             "driven_m": float(np.hypot(*np.diff(paths[name], axis=0).T).sum()),
-            "way_m": errands[name].way_m, "collisions": simulator.collisions(name),
+            "way_m": way_m[name], "collisions": simulator.collisions(name) - bumped[name],
             "near_misses": near, "nearest_m": nearest_m, "published": published,
             "wall_s": perf_counter() - began_s, "log": [asdict(d) for d in result.decisions],
         })  # fmt: skip

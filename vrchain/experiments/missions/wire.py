@@ -30,7 +30,8 @@ class Wire:
             )
         )
         to_all = n_receivers * sum(records.values())
-        asked = sum(size for digest, size in self._read.items() if digest in panoramas)
+        others = {t.payload_digest for t in history if t.robot != robot}
+        asked = sum(size for digest, size in self._read.items() if digest in others)
         broadcast = to_all + n_receivers * sum(panoramas.values())
         return {
             "published": sum(t.robot != robot for t in history),
