@@ -203,6 +203,15 @@ def test_what_no_robot_sees_is_refused(name: str, value: float) -> None:
         decode_record(encode_record(replace(known, proposals=proposals)))
 
 
+@pytest.mark.parametrize("order", [[1, 0, 2, 3], [0, 1, 3, 2]])
+def test_a_box_is_not_inside_out(order: list[int]) -> None:
+    """Who looks for keypoints within it would look at an empty picture."""
+    known = record(5)
+    box = known.proposals.box[:, order]
+    with pytest.raises(ImageError, match="edges are in order"):
+        decode_record(encode_record(replace(known, proposals=replace(known.proposals, box=box))))
+
+
 def test_a_bomb_is_not_unpacked() -> None:
     blob = encode_record(record(5))
     end = 12 + struct.unpack(">I", blob[8:12])[0]

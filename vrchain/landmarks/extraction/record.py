@@ -208,6 +208,9 @@ def decode_record(blob: bytes) -> LandmarkRecord:
         raise ImageError(f"landmark record: expected ranges up to {_FARTHEST_M:g} m")
     if (grid[grid < 255] >= n).any() or (kinds >= len(KINDS)).any():
         raise ImageError("landmark record: expected owners and kinds that are there")
+    right, left, low, high = numbers["box"].T
+    if (right > left).any() or (low > high).any():
+        raise ImageError("landmark record: expected boxes whose edges are in order")
     cell = np.flatnonzero(grid < 255)
     proposals = Proposals(
         **numbers, kind=kinds, embedding=_unit(part["embedding"]), cell=cell,
