@@ -34,9 +34,7 @@ T = TypeVar("T")
 
 _PORT, _ROUTE_PORT, _MONITOR_PORT = 4222, 6222, 8222
 
-Home = Annotated[
-    Path, typer.Option("-o", "--output", metavar="DIR", help="The cluster's folder.")
-]
+Home = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="The cluster's folder.")]
 Address = Annotated[
     str, typer.Argument(metavar="SERVERS", help="nats://HOST,HOST,HOST or tls://...")
 ]

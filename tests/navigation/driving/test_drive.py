@@ -1,5 +1,7 @@
 """Driving by odometry, around what the range ring shows."""
 
+from typing import cast
+
 import numpy as np
 import pytest
 import worlds
@@ -7,6 +9,7 @@ from plains import PERCEPTION, Plain, Walker
 
 from vrchain.geometry import Pose
 from vrchain.navigation.driving.drive import Pilot
+from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.settings import GaveUp, MissionConfig
 from vrchain.robot import UNSEEN_M, Drive, Observation, beams_rad
 from vrchain.simulation.simulator import Simulator
@@ -34,6 +37,16 @@ def test_who_makes_no_headway_is_stuck() -> None:
     ours = pilot(shut_in=True)
     assert ours.stretch(there(45.0), 1.0, 40.0) is None
     assert ours.now.time_ns <= (ours.config.stuck_after_s + 2) * 1e9
+
+
+def test_who_planned_for_a_minute_is_not_stuck() -> None:
+    """On a real robot time passes then; it has the time of an approach still."""
+    ours = pilot()
+    body = cast(Walker, ours.body)
+    body.time_ns += 60_000_000_000
+    assert ours.until_ns(Estimate(there(4.0), np.eye(2))) >= body.time_ns + 30_000_000_000
+    body.time_ns += 60_000_000_000
+    assert ours.stretch(there(45.0), 1.0, 2.0) is not None
 
 
 class Crossed(worlds.Body):

@@ -99,6 +99,7 @@ def test_what_the_ring_sees_through_is_no_path_until_the_robot_has_been_elsewher
 
 def test_memory_begins_where_the_robot_does_and_has_an_end() -> None:
     met, far, nothing = ObstacleMap(), Pose(5000.0, -5000.0, 0.0), np.full(len(BEAMS), 8.0)
+    assert np.isfinite(met.lengths_m(far, far.xy_m + np.array([[10.0, 0.0]]))).all()  # nothing met
     met.note(far, nothing)
     assert abs(met.course_rad(far, far.xy_m + np.array([1e9, 0.0]), 1.0)) < 0.1
     assert met.lengths_m(far, far.xy_m + np.array([[10.0, 0.0]]))[0] == pytest.approx(10.0, abs=0.5)

@@ -200,6 +200,13 @@ def test_what_was_surely_seen_from_afar_is_gone_round_if_it_is_not_seen_from_nea
     assert ("circle" in cast(Any, ours).said) == goes_round
 
 
+def test_what_is_left_for_what_is_likelier_waits_again() -> None:
+    ours = arrival(sight=sight_of(40.0, chance=0.9, bearing_rad=2.0))
+    left = candidate(30.0, 0.6)
+    assert ours._seen_from_afar(left).chance == 0.9
+    assert ours.candidates == [left]
+
+
 @pytest.mark.parametrize(("ahead_m", "against"), [(8.0, 1), (2.0, 0)])
 def test_a_glance_at_a_wall_just_ahead_does_not_speak_against_what_is_behind(
     ahead_m: float, against: int

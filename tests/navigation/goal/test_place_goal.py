@@ -41,8 +41,9 @@ def test_it_arrives_where_the_panorama_was_taken(start: Pose) -> None:
     assert body.pose.distance_to_m(PLACE.xy_m) < 1.0
 
 
+@pytest.mark.parametrize("nearer", [4, 8])
 def test_where_all_is_far_away_it_is_not_there_before_it_came_near(
-    monkeypatch: pytest.MonkeyPatch,
+    monkeypatch: pytest.MonkeyPatch, nearer: int
 ) -> None:
     """As it was met: in a wide place homing told 0.7 m where 2.9 m were left, and 1.0 m from 4.1 m.
 
@@ -52,7 +53,7 @@ def test_where_all_is_far_away_it_is_not_there_before_it_came_near(
 
     def homing(goal: GoalPlace, look: Look) -> HomeVector:
         bearing_rad = wrap_angle_rad(body.pose.bearing_to_rad(PLACE.xy_m))
-        told_m = body.pose.distance_to_m(PLACE.xy_m) / 4
+        told_m = body.pose.distance_to_m(PLACE.xy_m) / nearer
         return HomeVector(float(bearing_rad), 0.01, 100, told_m <= ARRIVED_M, told_m)
 
     candidate = arriving.note(arriving.pilot.look_around())

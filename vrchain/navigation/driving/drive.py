@@ -110,14 +110,21 @@ class Pilot:
 
     def until_ns(self, place: Estimate) -> int:
         """When an approach to a place has taken too long."""
+        self._sense()
         limit_s = self.config.leg_limit_s + place.range_m(self.here) / _SLOW_M_S
         return self.now.time_ns + int(limit_s * 1e9)
+
+    def _sense(self) -> None:
+        """Sense anew: the time that planning took, on a real robot, is no time without headway."""
+        then_ns, self.now = self.now.time_ns, self.body.observe()
+        self._about_ns += self.now.time_ns - then_ns
 
     def stretch(self, xy_m: Array, within_m: float, way_m: float) -> float | None:
         """Drive some way towards a place, around what is in the way; None: it gets no nearer.
 
         Returns the metres driven. GaveUp when the mission's time is over.
         """
+        self._sense()
         driven_m, previous = 0.0, self.here
         since_ns, since_m = self.now.time_ns, 0.0
         while driven_m < way_m:

@@ -129,6 +129,8 @@ class ObstacleMap:
 
         GaveUp where the robot has left its memory behind.
         """
+        if self._last is None:
+            self._begin_xy_m = here.xy_m
         reach_m = _HALF_CELLS * _CELL_M
         if np.abs(here.xy_m - self._begin_xy_m).max() >= reach_m:
             raise GaveUp(f"more than {reach_m:g} m from where it began: it remembers no farther")

@@ -29,9 +29,8 @@ _AGAIN = 0.5
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much,
 _FELT_STD = 2.0  # or, if it was surely seen, within so many standard deviations
-_AHEAD_RAD = 0.15
 _SHIFTS_M2_PER_M = 0.2  # the nearest side of what is wide is another as the robot drives
-_NEARLY_M = 2.2  # a goal may be so far away that can be got no nearer
+_AHEAD_RAD, _NEARLY_M = 0.15, 2.2  # a goal may be so far ahead that can be got no nearer
 _BESIDE_M, _TOUCH_M, _BESIDE_RAD = 2.5, 1.2, 1.0  # a goal believed so near, and what is met there
 _DRAWN_UP_M, _STEPS_UP = 1.0, 5  # to what is met, at the end
 # A wide goal's wall is wider than a bush before it: those of suburbs are up to 1.5 m wide.
@@ -199,6 +198,7 @@ class Arrival(Candidates):
             if candidate.place.astray(place) < SAME_STD:
                 return replace(candidate.with_sight(here, sight), place=place)
             if sight.chance > candidate.chance:
+                self.candidates.append(candidate)  # which waits again
                 return Candidate.seen(here, sight)
         return candidate
 

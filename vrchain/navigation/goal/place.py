@@ -93,8 +93,12 @@ class PlaceArrival(Candidates):
             look = pilot.look_around()
             home = self.goal.homing(look)
             if home is not None:
-                home = home if before is None else _by_growth(home, pilot.here, *before)
-                before = pilot.here, home.remoteness
+                told_m = home.remoteness
+                if before is None:
+                    home = replace(home, arrived=False)  # not before it has seen that it came near
+                else:
+                    home = _by_growth(home, pilot.here, *before)
+                before = pilot.here, told_m
                 if home.arrived:
                     return True
             seen = self._told(look, home, place)
