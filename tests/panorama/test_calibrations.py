@@ -70,6 +70,8 @@ def test_files_of_camera_info(tmp_path: Path) -> None:
         (INFO | {"camera_matrix": {"data": [0.0] * 9}}, "it was never calibrated"),
         (INFO | {"camera_matrix": {"data": [1.0]}}, "expected a pinhole camera's"),
         (INFO | {"image_width": None}, "expected a pinhole camera's"),
+        (INFO | {"image_width": float("inf")}, "expected a pinhole camera's"),
+        (INFO | {"camera_matrix": {"data": [10**400] * 9}}, "expected a pinhole camera's"),
         (INFO | {"distortion_model": "ftheta"}, "plumb_bob or equidistant, got ftheta"),
         (INFO | {"distortion_coefficients": {"data": [0.1] * 6}}, "got 6"),
         (INFO | {"distortion_coefficients": {"data": [float("nan")] * 4}}, "expected a pinhole"),

@@ -266,6 +266,25 @@ def test_what_is_written_is_read_again(tmp_path: Path, cells: tuple | None) -> N
         assert np.array_equal(read_image(again.file), panorama.cylinder)
 
 
+def test_pictures_of_one_name_lie_in_folders_of_their_own(tmp_path: Path) -> None:
+    files = [Path(name) for name in ("a.jpg", "a_.jpg", "x/a.jpg", "y/a.jpg")]
+    entries = [DatabaseEntry(file, Pose(float(k), 0.0)) for k, file in enumerate(files)]
+    write_database(tmp_path, [(entry, noise(k)) for k, entry in enumerate(entries)])
+    again = [panorama_of(entry) for entry in read_database(tmp_path)]
+    assert all(np.array_equal(p.views, noise(k).views) for k, p in enumerate(again))
+
+
+@pytest.mark.parametrize(
+    ("camera", "model"),
+    [("resolution: [.inf, 400]", "equirectangular"), ("resolution: [400, .inf]", "equirectangular"),
+     (f"isPanoramic: 1\n      name: {'x' * 400}", "mirror")],
+)  # fmt: skip
+def test_what_no_camera_is_tells_nothing(tmp_path: Path, camera: str, model: str) -> None:
+    told = f"{HEAD}\n0,0,0,0,a.png\n", f"   camera:\n      {camera}\n"
+    (entry,) = read_database(brains_on_board(tmp_path, *told))
+    assert entry.source.model == model
+
+
 def test_one_rig_for_all_and_options_before_what_is_told(tmp_path: Path) -> None:
     """Pictures of two sizes; a tilt in a row is corrected unless an option says another."""
     rows = f"{HEAD}, Pitch [degrees]\n0,0,700,0,a.png,3\n0,0,900,0,b.png,nan\n"

@@ -97,6 +97,12 @@ def test_a_broken_or_hostile_packet_is_no_crash() -> None:
         metadata_of(jpeg(bomb), "a.jpg")
 
 
+def test_of_a_picture_of_any_size_the_metadata_are_read(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(Image, "MAX_IMAGE_PIXELS", 100)
+    assert metadata_of(jpeg(xmp(CROP)), "a.jpg").field is not None
+    assert Image.MAX_IMAGE_PIXELS == 100
+
+
 def test_a_part_of_a_sphere_is_imported_by_its_metadata(tmp_path: Path) -> None:
     """Half a turn wide: the rest is masked; the tilt is corrected, and options go before."""
     told = {"ProjectionType": "equirectangular", **CROP, "PosePitchDegrees": "4"}
@@ -110,6 +116,9 @@ def test_a_part_of_a_sphere_is_imported_by_its_metadata(tmp_path: Path) -> None:
     bearing = found.panorama.rig.bearing_of_column(np.arange(seen.shape[1]))
     level = seen[len(seen) // 2]
     assert level[np.abs(bearing) < 1.5].all() and not level[np.abs(bearing) > 1.6].any()
+    cut = import_panorama(tmp_path / "a.jpg", Source(elevations_deg=(-30.0, 30.0)))
+    kept = cut.panorama.seen_cylinder
+    assert kept is not None and kept.any(axis=0).mean() == pytest.approx(0.5, abs=0.02)
     upright = import_panorama(tmp_path / "a.jpg", Source(pitch_deg=0.0))
     assert upright.about["pitch_deg"] == 0.0
     assert upright.panorama.rig.px_per_rad == pytest.approx(1200 / 2 / math.pi, rel=0.01)

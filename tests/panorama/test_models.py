@@ -21,7 +21,7 @@ from vrchain.panorama.models import (
     mirror,
     pinhole,
 )
-from vrchain.panorama.resampling import Camera, resampled, sharpness, tilted
+from vrchain.panorama.resampling import Camera, resampled, sharpness, shrunk, tilted
 
 Rays = NDArray[np.float64]
 RIG = CameraRig(8, 80, 200, 60.0)
@@ -122,6 +122,17 @@ CAMERAS: dict[str, tuple[Callable[[], Camera], float]] = {
     "pinhole": (lambda: lensed(False, (-0.2, 0.05, 0.001, -0.001)), 0.1),
     "equidistant": (lambda: lensed(True, (0.01, -0.002, 0.0, 0.0)), 0.1),
 }
+
+
+@pytest.mark.parametrize("scale", [0.37, 0.556, 0.81])
+@pytest.mark.parametrize("made", [lambda: round_about(1200), lambda: cube((FACES,))])
+def test_made_smaller_two_circles_are_two_still_and_six_faces_six(
+    made: Callable[[], Camera], scale: float
+) -> None:
+    """As it was met: 3800 x 1900 pixels became 1057 x 528, which is no picture of two circles."""
+    (small,) = shrunk([made()], scale)
+    off = np.abs(resampled([small], RIG).views.astype(float) - (127.5 + 120 * RIG.ray_directions()))
+    assert np.percentile(off, 99) < 8
 
 
 @pytest.mark.parametrize("name", CAMERAS)

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Codec, Panorama, encode_png, read_image, view_change
+from vrchain.panorama.codec import STORED
 from vrchain.seeding import generator
 from vrchain.world.render import Renderer
 
@@ -83,6 +84,8 @@ def test_every_cylinder_direction_lies_inside_its_view(rig: CameraRig) -> None:
     [
         {"n_views": 0}, {"n_views": 8.0}, {"n_views": True},
         {"n_views": 5},  # 5 x 60 degrees leave gaps
+        {"n_views": 32, "width_px": 16, "field_of_view_deg": 120.0},  # not a column for each
+        {"n_views": 64, "width_px": 4096, "height_px": 4096},
         {"width_px": 640.5}, {"height_px": 10**9}, {"field_of_view_deg": 180.0},
         {"field_of_view_deg": float("nan")}, {"field_of_view_deg": "60"}, {"camera_height_m": -1.0},
     ],
@@ -134,6 +137,9 @@ def with_view_bytes(told: object, views: bytes = b"") -> bytes:
     return with_header({"rig": rig, "view_bytes": told}) + views
 
 
+HUGE = STORED.encode(np.zeros((4000, 4000, 3), np.uint8))  # of a rig of 16 x 16 pixels
+
+
 @pytest.mark.parametrize(
     "blob",
     [
@@ -147,8 +153,9 @@ def with_view_bytes(told: object, views: bytes = b"") -> bytes:
         with_view_bytes([-5], b"12345"), with_view_bytes([5], b"12345"),
         noise_panorama(TINY).encode() + b"x", noise_panorama(TINY).encode()[:-1],
         noise_panorama(TINY).encode().replace(b'"width_px":24', b'"width_px":25'),  # another size
+        with_view_bytes([len(HUGE)], HUGE),
     ],
-    ids=range(22),
+    ids=range(23),
 )  # fmt: skip
 def test_what_is_no_encoded_panorama_is_refused(blob: bytes) -> None:
     with pytest.raises(ImageError):

@@ -46,7 +46,7 @@ def read_cameras(files: Sequence[Path], bearings_deg: Sequence[float] = ()) -> l
 def _table(file: Path) -> dict[str, Any]:
     try:
         told = yaml.safe_load(read_content(file))
-    except (yaml.YAMLError, UnicodeDecodeError, ValueError, RecursionError) as error:
+    except (yaml.YAMLError, UnicodeDecodeError, ValueError, OverflowError, RecursionError) as error:
         raise ImageError(f"{file}: expected a camera's calibration in YAML ({error})") from error
     if not isinstance(told, dict):
         raise ImageError(f"{file}: expected a kalibr camchain or camera_info, got another YAML")
@@ -56,7 +56,7 @@ def _table(file: Path) -> dict[str, Any]:
 def _lens(told: Any, reader: Callable[[Any], Lens], file: Path) -> Lens:
     try:
         return reader(told)
-    except (KeyError, TypeError, ValueError, IndexError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError, IndexError) as error:
         why = f"no {error}" if isinstance(error, KeyError) else str(error)
         raise ImageError(
             f"{file}: expected a pinhole camera's kalibr camchain or camera_info: {why}"
@@ -119,7 +119,7 @@ def _chained(chain: Sequence[Mapping[str, Any]], file: Path) -> list[NDArray[np.
             step = np.array(camera["T_cn_cnm1"], dtype=float)[:3, :3]
             if not np.allclose(step @ step.T, np.eye(3), atol=1e-2):
                 raise ValueError("no rotation")
-        except (KeyError, TypeError, ValueError, IndexError) as error:
+        except (KeyError, TypeError, ValueError, OverflowError, IndexError) as error:
             raise ImageError(f"{file}: cam{number}: expected a T_cn_cnm1 of 4 x 4") from error
         turn = step @ turn  # from the first camera's optical frame to this one's
         turns.append(OPTICAL.T @ turn.T @ OPTICAL)

@@ -132,22 +132,27 @@ def cameras_of(
             )
         shown = Field()
     if asked or shown is None:
-        shown = _field_of(image, model, source)
+        shown = _field_of(image, model, source, told.field)
     projection = getattr(models, model)
     return [Camera(image, partial(projection, field=shown), closed=shown.closed)]
 
 
-def _field_of(image: NDArray[np.uint8], model: str, source: Source) -> Field:
-    """By the options; where they say nothing of the rows, pixels are square, the horizon midway."""
+def _field_of(image: NDArray[np.uint8], model: str, source: Source, told: Field | None) -> Field:
+    """By the options, else as the metadata say; else pixels are square, the horizon midway."""
     height_px, width_px = image.shape[:2]
-    width_rad = math.radians(source.field_of_view_deg or 360.0)
+    left_rad, width_rad = (told.left_rad, told.width_rad) if told else (math.pi, 2 * math.pi)
+    if source.field_of_view_deg is not None:
+        width_rad = math.radians(source.field_of_view_deg)
+        left_rad = width_rad / 2
     half = width_rad * height_px / width_px / 2
     low, high = -half, half
+    if told and model == "equirectangular":
+        low, high = told.top - told.height, told.top
     if source.elevations_deg:
         low, high = map(math.radians, source.elevations_deg)
         if model == "cylinder":
             low, high = math.tan(low), math.tan(high)
-    return Field(width_rad / 2, width_rad, high, high - low)
+    return Field(left_rad, width_rad, high, high - low)
 
 
 _STRIPS = {

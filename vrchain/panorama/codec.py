@@ -1,5 +1,6 @@
 """Images as bytes: JPEG, WebP and PNG, and what cannot be read."""
 
+import io
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -65,6 +66,17 @@ def read_content(path: str | Path) -> bytes:
 def encode_png(image_rgb: NDArray[np.uint8]) -> bytes:
     """PNG bytes of an RGB image."""
     return Codec("png").encode(image_rgb)
+
+
+def size_of(content: bytes, what: str) -> tuple[int, int]:
+    """Width and height of a coded image by its head; ImageError, which names ``what``."""
+    from PIL import Image
+
+    try:
+        with Image.open(io.BytesIO(content)) as image:
+            return image.size
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise ImageError(f"{what}: expected an image (JPEG, PNG, ...), got {error}") from error
 
 
 def decode_image(content: bytes, what: str) -> NDArray[np.uint8]:

@@ -84,8 +84,8 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
     size_px, on_grid, names = (0, 0), False, set()
     for entry, panorama in taken:
         name = entry.file.name if entry.own else entry.file.stem
-        if name in names:
-            name = f"{name}_{len(rows)}"
+        while name in names:
+            name += "_"
         names.add(name)
         (folder / name).mkdir()
         known = entry.own or entry.pitch_rad is not None or entry.roll_rad is not None
@@ -199,7 +199,7 @@ def _source_of_all(folder: Path, metadata: Mapping[str, Any]) -> Source:
     if metadata.get("needsUnwrapping", camera.get("isPanoramic", 0)):
         beside = folder / f"{PurePosixPath(name).name}.yaml"
         ring = metadata.get("unwrapper")
-        if ring is None and name and beside.is_file():
+        if ring is None and 0 < len(name.encode()) < 200 and beside.is_file():
             ring = read_yaml(beside).get("unwrapper")
         return Source("mirror", mirror=None if ring is None else mirror_of(ring, str(folder)))
     if name == "opengl":
@@ -207,7 +207,7 @@ def _source_of_all(folder: Path, metadata: Mapping[str, Any]) -> Source:
     try:
         width_px, height_px = map(int, camera["resolution"])
         half_deg = min(180 * height_px / width_px, 90.0)
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+    except (KeyError, TypeError, ValueError, OverflowError, ZeroDivisionError):
         return Source("equirectangular")
     return Source("equirectangular", elevations_deg=(-half_deg, half_deg))
 
@@ -218,7 +218,7 @@ def mirror_of(told: Any, what: str) -> Mirror:
         x, y = map(float, told["centre"])
         inner, outer, offset = (float(told[n]) for n in ("inner", "outer", "offsetDegrees"))
         return Mirror((x, y), inner, outer, offset, bool(int(told["flip"])))
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ImageError(
             f"{what}: expected an unwrapper's centre, inner, outer, offsetDegrees, flip ({error})"
         ) from error
@@ -269,7 +269,7 @@ def _zind(folder: Path) -> list[DatabaseEntry]:
             for panoramas in partial_rooms.values()
             for panorama in panoramas.values()
         ]
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError) as error:
         why = f"{type(error).__name__}: {error}"
         raise ImageError(f"{folder / TOUR}: expected a tour in ZInD's layout ({why})") from error
 

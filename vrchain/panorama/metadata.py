@@ -5,7 +5,8 @@ GPano: Google's "Photo Sphere XMP Metadata".
 
 import io
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass
 from xml.etree import ElementTree
 
@@ -38,6 +39,18 @@ class Metadata:
     altitude_m: float | None = None
 
 
+@contextmanager
+def unlimited() -> Iterator[None]:
+    """Pillow reads heads of pictures of any size: no pixel is read here."""
+    from PIL import Image
+
+    most, Image.MAX_IMAGE_PIXELS = Image.MAX_IMAGE_PIXELS, None
+    try:
+        yield
+    finally:
+        Image.MAX_IMAGE_PIXELS = most
+
+
 def metadata_of(content: bytes, what: str) -> Metadata:
     """The metadata of a picture's bytes; ImageError, which names ``what``, if they make no sense.
 
@@ -46,7 +59,7 @@ def metadata_of(content: bytes, what: str) -> Metadata:
     from PIL import Image
 
     try:
-        with Image.open(io.BytesIO(content)) as image:
+        with unlimited(), Image.open(io.BytesIO(content)) as image:
             xmp = image.info.get("xmp", b"")
             gps = dict(image.getexif().get_ifd(_GPS))
     except (OSError, ValueError, SyntaxError, TypeError, KeyError, Image.DecompressionBombError):

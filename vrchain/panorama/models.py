@@ -60,7 +60,10 @@ def _column(x: Rays, y: Rays, size_px: Size, field: Field) -> NDArray[np.floatin
 
 @dataclass(frozen=True)
 class Mirror:
-    """A mirror over a camera that looks up, by the parameters of Brains on Board's unwrapper.
+    """A mirror round a camera, by the parameters of Brains on Board's unwrapper.
+
+    The picture is as that of a camera that looks down: ahead at its top, left at its left. One that
+    looks up into a mirror shows left at the right: mirror its picture first.
 
     centre: of the ring, as shares of width and height; inner, outer: its radii, as shares of the
     height; offset_deg: by how much the bottom of the picture is turned from behind. flip: the outer

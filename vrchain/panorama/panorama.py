@@ -13,7 +13,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError, SpecError
-from vrchain.panorama.codec import STORED, Codec, decode_image, encode_png, read_content, read_image
+from vrchain.panorama.codec import (
+    STORED,
+    Codec,
+    decode_image,
+    encode_png,
+    read_content,
+    read_image,
+    size_of,
+)
 from vrchain.panorama.rig import CameraRig
 
 MARKER = "panorama.json"
@@ -118,11 +126,11 @@ class Panorama:
         fits = len(sizes) == rig.n_views and ends[-1] + masked == len(blob) and masked >= 0
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
             raise ImageError("encoded panorama: its table of views does not fit its bytes")
-        views = [decode_image(blob[a:b], "a view") for a, b in itertools.pairwise(ends)]
-        if any(v.shape != (rig.height_px, rig.width_px, 3) for v in views):
+        coded = [blob[a:b] for a, b in itertools.pairwise(ends)]
+        if any(size_of(view, "a view") != (rig.width_px, rig.height_px) for view in coded):
             raise ImageError("encoded panorama: a view has another size than its rig says")
         seen = _seen(blob[ends[-1] :], rig, "encoded panorama") if masked else None
-        return cls(rig, np.stack(views), seen)
+        return cls(rig, np.stack([decode_image(view, "a view") for view in coded]), seen)
 
     def save(self, folder: Path, about: Mapping[str, object] | None = None) -> None:
         """Write the views, the cylinder (PNG) and the rig (JSON) into an existing folder.

@@ -152,13 +152,18 @@ def _rays(bearing: NDArray[np.float64], slope: NDArray[np.float64] | float) -> N
 
 
 def shrunk(cameras: Sequence[Camera], scale: float) -> list[Camera]:
-    """The cameras with fewer pixels, each way, so that none is passed over."""
+    """The cameras with fewer pixels, each way, so that none is passed over.
+
+    Whole ratios stay whole: two circles, or six faces, lie side by side in one picture.
+    """
     if scale > 0.99:
         return list(cameras)
     found = []
     for camera in cameras:
         height_px, width_px = camera.picture.shape[:2]
-        size = max(2, round(width_px * scale)), max(2, round(height_px * scale))
+        least = min(width_px, height_px)
+        few = max(2, round(least * scale))
+        size = round(width_px * few / least), round(height_px * few / least)
         fewer = cv2.resize(camera.picture, size, interpolation=cv2.INTER_AREA).astype(np.uint8)
         found.append(replace(camera, picture=fewer))
     return found

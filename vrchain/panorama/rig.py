@@ -11,6 +11,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import SpecError
 
+_MOST_PX = 2**27  # of all views: 400 MB
+
 
 @dataclass(frozen=True)
 class CameraRig:
@@ -44,6 +46,13 @@ class CameraRig:
             raise SpecError(
                 f"camera rig: {self.n_views} views of {self.field_of_view_deg:g} degrees leave "
                 "gaps: add views or widen them until together they reach 360 degrees"
+            )
+        columns = self.cylinder_shape[1]
+        if columns < 2 * self.n_views or self.n_views * self.width_px * self.height_px > _MOST_PX:
+            raise SpecError(
+                f"camera rig: expected 2 columns of the cylinder for each view and {_MOST_PX:,} "
+                f"pixels at most, got {columns} columns for {self.n_views} views of "
+                f"{self.width_px} x {self.height_px}"
             )
 
     @property

@@ -95,7 +95,8 @@ def import_panorama(
         Camera(c.picture, c.model, turn @ c.turn, c.closed)
         for c in cameras_of(model, images, files, source, told)
     ]
-    as_it_is = _own_ring(images, source) if model == "views" and rig is None else None
+    tilt = pitch_deg or roll_deg
+    as_it_is = None if model != "views" or rig or tilt else _own_ring(images, source)
     if as_it_is is None:
         panorama, upsampled = _panorama(cameras, source, rig, str(files[0]))
     else:
@@ -138,7 +139,7 @@ def model_of(source: Source, told: Metadata, image: NDArray[np.uint8], what: str
 def _own_ring(images: Sequence[NDArray[np.uint8]], source: Source) -> Panorama | None:
     """Views that a rig of ours could have taken are its views, unchanged; None: these are none."""
     n, wide_deg = len(images), source.field_of_view_deg or 0.0
-    changed = source.calibration or source.bearings_deg or source.pitch_deg or source.roll_deg
+    changed = source.calibration or source.bearings_deg
     alike = len({image.shape for image in images}) == 1
     if changed or source.columns or not alike or n < 2 or not 360 <= n * wide_deg <= n * 120:
         return None
