@@ -94,7 +94,9 @@ def test_an_included_sun_is_turned_by_its_include(tmp_path: Path) -> None:
 
 def test_the_highest_version_is_the_models_file(tmp_path: Path) -> None:
     files = {
-        "models/m/model.config": gz.config(("1.5", "five.sdf"), ("1.10", "ten.sdf")),
+        "models/m/model.config": gz.config(
+            ("1.5", "five.sdf"), ("1.10", "ten.sdf"), ("1.²", "five.sdf")
+        ),
         "models/m/five.sdf": f'<sdf version="1.5">{model(CUBE)}</sdf>',
         "models/m/ten.sdf": f'<sdf version="1.10">{model(visual(box("2 2 2")))}</sdf>',
     }

@@ -209,14 +209,18 @@ def test_includes_that_include_themselves(tmp_path: Path) -> None:
     assert re.search(r"b/model\.sdf:2: <include>: model://a includes itself", message)
 
 
+@pytest.mark.parametrize("merge", ["<include>", '<include merge="true">'])
 @pytest.mark.parametrize(
     ("n", "times", "part"),
     [(11, 10, f"at most {MOST_MODELS} models"), (39, 1, "deep in one another")],
 )
-def test_includes_that_multiply_or_go_deep(tmp_path: Path, n: int, times: int, part: str) -> None:
+def test_includes_that_multiply_or_go_deep(
+    tmp_path: Path, n: int, times: int, part: str, merge: str
+) -> None:
     files = gz.folder_of("m0", CRATE)
     for k in range(1, n + 1):
         body = "".join(include(f"model://m{k - 1}", name=f"i{j}") for j in range(times))
+        body = body.replace("<include>", merge)
         files |= gz.folder_of(f"m{k}", f'<model name="m">{body}</model>')
     assert part in refused(tmp_path, world(include(f"model://m{n}")), files)
 
@@ -298,6 +302,8 @@ TEXT_STL = "solid a facet outer loop\nvertex 0 0 0\nvertex 1 nan 0\nvertex 0 1 0
         ("a.obj", "v 0 0 0\n", ["a.obj", "faces, got none"]),
         ("a.obj", "v 0 0 0\nf 1 2 3\n", ["a.obj"]),
         ("a.obj", "v 0 0 nan\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", ["a.obj", "finite"]),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 1e39 0\nf 1/1 2/1 3/1\n",
+         ["a.obj", "texture coordinate", "beyond"]),
         ("a.obj", b"\xff\xfe\x00" * 99, ["a.obj"]),
         ("a.stl", b"", ["a.stl"]),
         ("a.stl", bytes(80) + struct.pack("<I", 2**32 - 1) + bytes(50), ["a.stl"]),

@@ -149,7 +149,7 @@ def _with(script: Script, inside: list[str], words: list[str], where: str) -> Sc
             return replace(script, picture=script.picture or picture)
         case ["technique", "pass", "texture_unit"], ["scale", wide, high, *_]:
             u, v, _ = floats([wide, high, "1"], where) if script.repeats is None else (0, 0, 0)
-            if u and v:
+            if 1e-6 < abs(u) < 1e6 and 1e-6 < abs(v) < 1e6:
                 return replace(script, repeats=(1 / u, 1 / v))
     return script
 

@@ -133,6 +133,7 @@ class _Reader:
         name = element.name or element.file.parent.name
         lights: list[_Light] = []
         nested, frames = self._placed(element, lights)
+        count = 1 + sum(p.model.count for p in nested)
         for _ in lights:
             self._notes.add(_UNSUPPORTED["light"], name)
         merged = [part for part in nested if is_merged(part.element)]
@@ -149,7 +150,6 @@ class _Reader:
                 visuals.append(Visual(visual, frames.of(visual, outer=matrix)))
         self._deep -= 1
         pose = pose_matrix(element.find("pose"))
-        count = 1 + sum(p.model.count for p in nested)
         return Model(
             name,
             pose,
@@ -256,7 +256,7 @@ def _brightness(colour: Element | None) -> float:
 
 def _version(sdf: Element) -> tuple[int, ...]:
     words = sdf.attributes.get("version", "0").split(".")
-    return tuple(int(word) if word.isdigit() else 0 for word in words)
+    return tuple(int(word) if word.isdecimal() and len(word) < 9 else 0 for word in words)
 
 
 def _road(road: Element) -> Placed:

@@ -50,6 +50,7 @@ class Stl(MeshFile):
 _KINDS: dict[str, type[Collada | Obj | Stl | Glb]] = {
     ".dae": Collada, ".obj": Obj, ".stl": Stl, ".glb": Glb
 }  # fmt: skip
+_LARGEST = 1e6  # of texture coordinates and colours
 
 
 class Meshes:
@@ -103,5 +104,5 @@ def _check(parts: list[Part], file: Path) -> None:
         if not np.isfinite(part.vertices_m).all():
             raise SpecError(f"{file}: a corner of {part.name!r} is not a finite number")
         for what, values in (("texture coordinate", part.uv), ("colour", part.shade)):
-            if values is not None and not np.isfinite(values).all():
-                raise SpecError(f"{file}: a {what} of {part.name!r} is not a finite number")
+            if values is not None and not (np.abs(values) <= _LARGEST).all():
+                raise SpecError(f"{file}: a {what} of {part.name!r} is beyond {_LARGEST:g}")
