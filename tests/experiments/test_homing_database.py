@@ -119,6 +119,11 @@ def test_pictures_of_an_ants_height_are_looked_at(tmp_path: Path) -> None:
     assert len(found) == 4 and not found.answered.any()
 
 
+def test_where_a_robot_is_it_need_not_go(grid: Path) -> None:
+    found = evaluate(read_database(grid), ["epipolar"], seed=0, spacing_m=(0.0, 1.1))
+    assert len(found) and (found.home != found.start).all() and (found.range_m > 0).all()
+
+
 def entries(points: list[tuple[float, float]], room: int = 0) -> list[DatabaseEntry]:
     return [DatabaseEntry(Path("none"), Pose(x, y), room=room) for x, y in points]
 

@@ -77,7 +77,7 @@ def evaluate(
                 found[-1]["method"] += f", tilt {tilt_deg:g}"
     table = pd.concat(found, ignore_index=True)
     low, high = spacing_m
-    return table[(table.range_m >= low) & (table.range_m <= high)]
+    return table[(table.range_m > 0) & (table.range_m >= low) & (table.range_m <= high)]
 
 
 def grid_spacing_m(entries: Sequence[DatabaseEntry]) -> float | None:
@@ -110,7 +110,7 @@ def _homes(
             for k, entry in enumerate(entries)
             if (entry.floor, entry.room) == (at.floor, at.room)
         ]
-        asked = sum(low <= range_m <= high for _, range_m in fellows)
+        asked = sum(range_m > 0 and low <= range_m <= high for _, range_m in fellows)
         ranges_m += [range_m for k, range_m in fellows if k != home]
         if asked and (n_pairs == 0 or n_pairs + asked <= most_pairs):
             homes[home] = [k for k, range_m in fellows if near_m <= range_m <= high]

@@ -98,4 +98,6 @@ def test_other_weights_stand_beside_the_shipped_ones(tmp_path: Path) -> None:
     shutil.copy(SHIPPED.with_suffix(".json"), tmp_path / "mine.json")
     mine, shipped = variant_named(str(tmp_path / "mine.pt"), 0.3), variant_named("cnn+sift", 0.3)
     assert mine.name == "cnn+sift, mine.pt" and mine.maker == shipped.maker
+    assert mine.maker != variant_named("cnn+sift").maker  # another threshold is another result
+    assert variant_named("sift", 0.1).maker != variant_named("sift").maker
     assert found_by(mine).geometry is not None and found_by(shipped).geometry is not None

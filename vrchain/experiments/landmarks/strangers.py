@@ -93,7 +93,9 @@ def _compared(
     here: _Seen, before: list[dict[Any, Any]], variants: Sequence[Variant]
 ) -> list[dict[str, object]]:
     """Rows of pairs within a suburb, and of pairs with the suburb before, as many at most."""
-    pairs = [(False, here.looks[i], here.looks[j]) for i, j in here.apart[:PAIRS_A_SUBURB]]
+    # each panorama about twice, not the first one in nearly all
+    apart = sorted(here.apart, key=lambda pair: (pair[1] - pair[0], pair))[:PAIRS_A_SUBURB]
+    pairs = [(False, here.looks[i], here.looks[j]) for i, j in apart]
     pairs += [(True, a, b) for a, b in zip(before, here.looks, strict=False)]
     rows: list[dict[str, object]] = []
     for number, (two, a, b) in enumerate(pairs):

@@ -66,7 +66,8 @@ def sift(min_score: float = MatchConfig().min_score) -> Variant:
     def by_sift(a: Whole, b: Whole) -> Comparison:
         return compare(a[0], b[0], a[1], MatchConfig(min_score=min_score))
 
-    return Variant("sift", _whole, by_sift, itemgetter(0), claimed=MatchConfig().min_score)
+    usual = MatchConfig().min_score
+    return Variant("sift", _whole, by_sift, itemgetter(0), maker=f"{min_score}", claimed=usual)
 
 
 def compared(variant: Variant, a: Panorama, b: Panorama) -> Comparison:
@@ -124,7 +125,8 @@ def _joint(name: str, config: JointConfig, weights: Path, min_score: float | Non
         config = replace(config, min_score=min_score)
     joining = partial(compare_joint, config=config, calibration=load_calibration(weights))
     usual, part = JointConfig(), config.name != DEFAULT
-    looks, keypoints, maker = _look_by(weights), attrgetter("features"), maker_of(weights)
+    looks, keypoints = _look_by(weights), attrgetter("features")
+    maker = f"{maker_of(weights)} {config}"
     return Variant(name, looks, joining, keypoints, maker, usual.min_score, part, usual.min_surest)
 
 
