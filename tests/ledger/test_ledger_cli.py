@@ -5,6 +5,7 @@ import os
 import shlex
 import stat
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 from unittest.mock import patch
@@ -86,6 +87,21 @@ def test_a_clock_that_is_far_ahead_writes_nothing() -> None:
             text(*command.split())
     assert answer("show", "L")["height"] == 2
     assert not any(path.name == "R3.pem" for path in Path("config").rglob("*"))
+
+
+@pytest.mark.parametrize("written", [True, False])
+def test_a_key_stays_where_its_robot_may_be_enrolled(written: bool) -> None:
+    """Without an answer nobody knows whether it is, and its name cannot be used again."""
+    keys = Path(answer("init", "L", "--member", "R1")["keys"])
+
+    def enrol(*asked: object, enrol: Callable[..., object] = Ledger.enrol) -> None:
+        if written:
+            enrol(*asked)
+        raise errors.UnavailableError("no answer") if written else errors.StorageFullError("full")
+
+    with patch.object(Ledger, "enrol", enrol), pytest.raises(errors.LedgerError):
+        text("enroll", "L", "R3")
+    assert (keys / "R3.pem").exists() == written == ("R3" in answer("show", "L")["robots"])
 
 
 def test_from_init_to_export() -> None:

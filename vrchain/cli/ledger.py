@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from vrchain.cli.ledger_keys import default_keys, key_of, saved_keys
+from vrchain.cli.ledger_keys import default_keys, is_enrolled, key_of, saved_keys
 from vrchain.cli.ledger_panoramas import PICTURES, check_landmarks, export_pictures, panorama_in
 from vrchain.errors import printable
 from vrchain.files import check_output_file, check_output_folder, write_file
@@ -106,7 +106,7 @@ def enroll(
             )
         key_folder = keys or default_keys(opened.genesis.operator)
         operator, key = key_of(opened, keys), random_key()
-        with saved_keys(key_folder, {name: key}):
+        with saved_keys(key_folder, {name: key}, lambda: is_enrolled(opened, name)):
             opened.enrol(name, key.public, operator, _now_ns(opened, clock_is_right))
         result = {
             "name": name,

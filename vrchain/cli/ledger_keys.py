@@ -2,9 +2,10 @@
 
 import contextlib
 import os
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from vrchain.errors import LedgerError
 from vrchain.ledger import (
     OPERATOR,
     Ledger,
@@ -14,7 +15,8 @@ from vrchain.ledger import (
     save_key,
     simulated_key,
 )
-from vrchain.ledger.errors import KeyFileError
+from vrchain.ledger.errors import KeyFileError, UnavailableError
+from vrchain.ledger.storage.durable import sync_folder
 
 
 def default_keys(operator: PublicKey) -> Path:
@@ -45,9 +47,22 @@ def member_key(folder: Path, keys: Path | None, name: str, simulated: int | None
         return key_of(ledger, None, name)
 
 
+def is_enrolled(ledger: Ledger, name: str) -> bool:
+    """Whether a robot is a member by now; true, too, if nobody can tell."""
+    with contextlib.suppress(LedgerError):
+        ledger.refresh()
+        return name in ledger.members
+    return True
+
+
 @contextlib.contextmanager
-def saved_keys(key_folder: Path, keys: dict[str, SigningKey]) -> Iterator[None]:
-    """Save the keys before what needs them; take them back if that fails."""
+def saved_keys(
+    key_folder: Path, keys: dict[str, SigningKey], is_done: Callable[[], bool] = lambda: False
+) -> Iterator[None]:
+    """Save the keys before what needs them, durably; take them back if that surely has failed.
+
+    is_done: whether it was done all the same, asked after an error.
+    """
     is_new = not key_folder.exists()
     saved: list[Path] = []
     try:
@@ -55,8 +70,12 @@ def saved_keys(key_folder: Path, keys: dict[str, SigningKey]) -> Iterator[None]:
             path = key_folder / f"{name}.pem"
             save_key(key, path)
             saved.append(path)
+        for folder in (key_folder, key_folder.absolute().parent):
+            sync_folder(folder)
         yield
-    except BaseException:
+    except BaseException as error:
+        if isinstance(error, UnavailableError) or is_done():
+            raise  # it may be done, and then nobody could sign without the keys
         for path in saved:
             path.unlink(missing_ok=True)
         if is_new:

@@ -1,5 +1,6 @@
 """What any handle on a ledger's folder reads: its state, records and blobs, each checked."""
 
+import contextlib
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -66,6 +67,13 @@ class Reader(Replica, Closing):
         if not isinstance(record, Transaction):
             raise NotFoundError(f"{transaction_id.hex()} is no transaction but {record}")
         return record
+
+    def holds(self, transaction_id: bytes) -> bool:
+        """Whether the transaction with this id is in the chain. DamagedError."""
+        with contextlib.suppress(NotFoundError):
+            self.transaction(transaction_id)
+            return True
+        return False
 
     def payload(self, payload_digest: bytes) -> bytes:
         """The blob (panorama or landmark record) with this digest, checked.

@@ -22,7 +22,7 @@ from vrchain.ledger.records.membership import MAX_DROPPED, OPERATOR, Drop, Enrol
 from vrchain.ledger.records.transaction import Offer, Transaction, blob_digest
 from vrchain.ledger.rules.chain import Lap, genesis_entry
 from vrchain.ledger.rules.validity import begin
-from vrchain.ledger.storage.database import insert_entry, read_records
+from vrchain.ledger.storage.database import insert_entry, operator_records, read_records
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.folder import create_folder
 from vrchain.ledger.storage.retention import Retention, dropped_by, named_by, old_blobs
@@ -147,7 +147,8 @@ class Ledger(Reader):
             after = self.check(block, records)
             good = {blob for blob in named_by(records) if blob_digest(blobs.get(blob)) == blob}
             wrong = named_by(records) - good
-            if wrong and not wrong <= dropped_by(blobs.values(), self.genesis):
+            signed = self.state.operator_records
+            if wrong and not wrong <= dropped_by(blobs.values(), self.genesis, signed):
                 raise PayloadDigestError(
                     f"the blobs are not those that the records of {block} name"
                 )
@@ -162,13 +163,21 @@ class Ledger(Reader):
         """ForkError unless this is the block of its height; any other error if it is forged."""
         own = self.entry(block.height).block
         if own.hash != block.hash:
-            block.check_signature(block.author, self.state.public_key(block.author))
+            block.check_signature(block.author, self._ever_public_key(block.author))
             raise ForkError(
                 f"{block.author} signed a second {block}: {own.hash.hex()} is in the ledger, by "
                 f"{own.author}, and this one is {block.hash.hex()}",
                 own,
                 block,
             )
+
+    def _ever_public_key(self, name: str) -> PublicKey:
+        """The key of whoever is or was a member, or the operator's. UnknownMemberError."""
+        if name not in self.state.expelled:
+            return self.state.public_key(name)
+        signed = operator_records(self._db, self.head.height)
+        enrolled = {r.name: r.public_key for r in signed if isinstance(r, Enrolment)}
+        return (dict(self.genesis.members) | enrolled)[name]
 
     def draft_transaction(
         self,

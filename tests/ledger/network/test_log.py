@@ -3,6 +3,7 @@
 import contextlib
 import threading
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ from ledgers import KEYS, OPERATOR_KEY, files, long_ledger
 from vrchain.ledger import Drop, Ledger, Offer, verify
 from vrchain.ledger.errors import (
     DuplicateMemberError,
+    ForkError,
     GapError,
     NotALedgerError,
     OvertakenError,
@@ -20,7 +22,7 @@ from vrchain.ledger.errors import (
 )
 from vrchain.ledger.network.connection import Connection, Servers
 from vrchain.ledger.network.log import FolderLog, Log, put
-from vrchain.ledger.network.replicated import Replicated
+from vrchain.ledger.network.replicated import EVIDENCE_NAME, Replicated
 from vrchain.ledger.network.stream import Stream
 from vrchain.ledger.records.encoding import digest
 
@@ -169,6 +171,40 @@ def test_what_was_dropped_is_excused_by_the_operators_record_alone(
             other.take(entry, {digest(excuse): excuse})
     with Replicated.join(tmp_path / "other", log) as other:
         assert other.take(entry, blobs)
+
+
+def test_a_drop_from_before_a_blob_was_named_again_excuses_nothing(
+    make_log: MakeLog, folder: Path, tmp_path: Path
+) -> None:
+    log = make_log()
+    with Ledger.open(folder, writable=True) as ledger:
+        ledger.drop_old(1, OPERATOR_KEY, 60)
+        ledger.publish("R1", KEYS["R1"], b"first of R1", "time", 70)
+        put(ledger, log, -1)
+    *before, (entry, blobs) = log.follow(0)
+    (drop,) = before[-1][0].records
+    with Replicated.join(tmp_path / "own", log) as own:
+        for given in before:
+            own.take(*given)
+        with pytest.raises(PayloadDigestError):
+            own.take(entry, {digest(drop.record): drop.record})
+        assert own.take(entry, blobs)
+    assert verify(tmp_path / "own").ok
+
+
+def test_a_block_beside_the_chain_convicts_who_was_expelled_too_and_fills_no_disk(
+    log: Log, tmp_path: Path
+) -> None:
+    with Replicated.join(tmp_path / "own", log) as own:
+        own.catch_up()
+        mine = next(own.entry(h).block for h in range(1, 6) if own.entry(h).block.author == "R1")
+        own.expel("R1", OPERATOR_KEY, 60)
+        for later_ns in range(1, 5):
+            second = replace(mine, timestamp_ns=mine.timestamp_ns + later_ns).signed(KEYS["R1"])
+            with pytest.raises(ForkError, match="R1 signed a second block"):
+                own.convict(second)
+        assert len(list((own.folder / EVIDENCE_NAME).iterdir())) == 2
+        assert len(own.alarms) == 1 and "R1 has signed a block beside the chain" in own.alarms[0]
 
 
 def test_what_comes_later_is_waited_for(log: Log, make_log: MakeLog, tmp_path: Path) -> None:

@@ -4,6 +4,7 @@ import contextlib
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -13,7 +14,7 @@ from ledgers import KEYS, OPERATOR_KEY
 from vrchain.ledger import Ledger, Limits, errors, verify
 from vrchain.ledger.cluster.servers import Cluster
 from vrchain.ledger.network.connection import Connection, Servers
-from vrchain.ledger.network.message import pack_entry
+from vrchain.ledger.network.message import Standing, pack_entry, pack_head
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream
@@ -184,6 +185,33 @@ def test_a_number_is_used_once_whatever_comes_into_the_chain_meanwhile(
         r1.wait(timeout_s=PATIENCE_S)
         assert [t.sequence for t in r1.history("R1")] == [0, 1, 2, 3]
     assert set(maker.counts) == {"appended"}
+
+
+def test_what_another_member_signs_beside_the_chain_holds_up_nobody(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with robot_at(address, tmp_path / "R1") as r1:
+        r1.wait_until_followed()
+        block = r1.entry(1).block
+        heads = [
+            ("R2", pack_head(replace(block, author="R2", timestamp_ns=k).signed(KEYS["R2"]),
+                             Standing(0)))
+            for k in range(3)
+        ]  # fmt: skip
+        monkeypatch.setattr(r1.post, "heads", lambda: heads)
+        for _ in range(3):
+            r1.wait_until_followed()
+        eventually(lambda: len(r1.alarms) == 1)
+        assert r1.trouble == {}
+
+
+def test_another_transaction_of_that_number_is_not_this_one(address: str, tmp_path: Path) -> None:
+    with making(address, tmp_path / "maker"), robot_at(address, tmp_path / "R1") as r1:
+        sent = r1.publish("R1", KEYS["R1"], b"sent", "view", 60)
+        r1.wait(sent, PATIENCE_S)
+        other = replace(sent, timestamp_ns=61).signed(KEYS["R1"])
+        with pytest.raises(errors.UnavailableError):
+            r1.wait(other, timeout_s=0.2)
 
 
 def test_two_makers_share_the_work_and_no_offer_is_lost_or_doubled(

@@ -304,6 +304,21 @@ def test_creating_where_something_is(folder: Path, tmp_path: Path) -> None:
     assert not (tmp_path / "bad").exists()
 
 
+def test_of_two_that_create_one_ledger_one_does(
+    folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The second one looked before the first was there; what a killed one left is no matter."""
+    before = files(folder)
+    monkeypatch.setattr("vrchain.ledger.storage.folder._check_room", lambda folder: False)
+    with pytest.raises(errors.LedgerExistsError, match="meanwhile"):
+        new_ledger(folder)
+    assert files(folder) == before
+    monkeypatch.undo()
+    (tmp_path / "left").mkdir()
+    (tmp_path / "left" / ".ledger.sqlite.123.new").write_bytes(b"half")
+    new_ledger(tmp_path / "left").close()
+
+
 def test_opening_what_is_no_ledger_creates_nothing(tmp_path: Path) -> None:
     for writable in (False, True):
         for name in ("", "missing"):

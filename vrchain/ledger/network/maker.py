@@ -4,7 +4,6 @@ A maker is a member like others: what it makes is judged by every folder, so it 
 neither forge nor take out. What may be taken in here and now is ``rules/admission``'s to say.
 """
 
-import contextlib
 import time
 from collections import Counter
 from collections.abc import Callable, Sequence
@@ -17,7 +16,6 @@ from vrchain.ledger.errors import (
     InputLimitError,
     InvalidError,
     LogError,
-    NotFoundError,
     QueueFullError,
     RateLimitError,
     RecordError,
@@ -126,7 +124,9 @@ class Maker:
                 if type(error) in _LATER_S:
                     later.append(offer)
                     continue
-                if not self._is_in(transaction):  # or another maker has made a block of it
+                if not self._ledger.holds(
+                    transaction.id
+                ):  # or another maker has made a block of it
                     self._offers.refuse(str(error), offer)
                 answered.append(offer)
             count += len(made.appended)
@@ -134,12 +134,6 @@ class Maker:
             self._answered(answered, held, None)
             self._answered(later, held, _LATER_S[SequenceGapError])
         return count
-
-    def _is_in(self, transaction: Transaction) -> bool:
-        with contextlib.suppress(NotFoundError):
-            self._ledger.transaction(transaction.id)
-            return True
-        return False
 
     def _answered(
         self, offers: Sequence[Waiting], held: dict[str, Waiting], delay_s: float | None

@@ -96,6 +96,7 @@ class Outbox(Closing):
             kept = aside / f"{number:06d}.{path.name}"
             write_durably(str(kept.with_suffix(_WHY)), why.encode())
             path.rename(kept)
+            sync_folder(aside)
             sync_folder(self.folder)
 
     def close(self) -> None:

@@ -104,10 +104,13 @@ class Replicated(Ledger):
             yield
         except ForkError as error:
             kept = self.folder.absolute() / EVIDENCE_NAME
-            with storage_errors(f"writing to {kept}"):
-                kept.mkdir(exist_ok=True)
-                for block in (error.first, error.second):
-                    write_durably(f"{kept}/{block.height}-{block.hash.hex()}", block.record)
+            said = f"{error.second.author} has signed a block beside the chain; it is in {kept}"
+            if said not in self.alarms:  # one pair convicts; who signs many fills no disk
+                with storage_errors(f"writing to {kept}"):
+                    kept.mkdir(exist_ok=True)
+                    for block in (error.first, error.second):
+                        write_durably(f"{kept}/{block.height}-{block.hash.hex()}", block.record)
+                self._warn([said])
             raise
 
     def _taken(self, given: Given) -> bool:

@@ -14,6 +14,7 @@ from vrchain.errors import LedgerError
 from vrchain.ledger.errors import (
     ClusterError,
     EncodingError,
+    ForkError,
     NotSettledError,
     RecordError,
     SignatureError,
@@ -141,6 +142,7 @@ class RobotLedger(Replicated):
                 raise UnavailableError(f"{self.outbox.count()} still wait in {self.outbox.folder}")
             time.sleep(_LOOK_S)
             self.refresh()
+        self.refresh()  # what was followed meanwhile
 
     def close(self) -> None:
         """Stop following and sending; what waits in the outbox stays. Twice does no harm."""
@@ -169,7 +171,9 @@ class RobotLedger(Replicated):
             return self.outbox.count() == 0
         transaction = self._sender.goes_out_as(transaction)
         last = self.latest(transaction.robot)
-        return last is not None and last.sequence >= transaction.sequence
+        # another of its number may be there: then it is set aside, or signed anew
+        counts = last is not None and last.sequence >= transaction.sequence
+        return counts and self.holds(transaction.id)
 
     def _check_settled(self, robot: str) -> None:
         """A folder from a backup does not know what its robot signed after it was made."""
@@ -212,7 +216,7 @@ class RobotLedger(Replicated):
                 own.catch_up(_FOLLOW_S, self._comes)
 
     def _compare_heads(self, own: Replicated) -> None:
-        """Tell others the newest block here, and hold theirs against the chain. ForkError."""
+        """Tell others the newest block here, and hold theirs against the chain."""
         refused = len(refused_in(self.folder))
         standing = Standing(self.outbox.count(), refused, len(self.alarms))
         said = pack_head(own.head, standing)
@@ -220,9 +224,7 @@ class RobotLedger(Replicated):
             self.post.say(said)
             self._told = said
         for name, data in self.post.heads():
-            with contextlib.suppress(
-                EncodingError, RecordError, UnknownMemberError, SignatureError
-            ):
+            with contextlib.suppress(*_NO_HEAD, ForkError):  # a fork is an alarm, kept as evidence
                 block, standing = unpack_head(data)
                 self.others[name] = block.height, standing
                 own.convict(block)

@@ -7,7 +7,6 @@ None of this is validity: replicas with other limits and clocks agree on the cha
 A maker (``network/maker``) brings offers here; servers have told its senders apart by their keys.
 """
 
-import contextlib
 from collections import deque
 from collections.abc import Callable
 from typing import NamedTuple
@@ -18,7 +17,6 @@ from vrchain.ledger.errors import (
     DuplicateError,
     InputLimitError,
     InvalidError,
-    NotFoundError,
     QueueFullError,
     RateLimitError,
     StorageError,
@@ -143,12 +141,8 @@ class Admission:
         return Made(None, [], refused)
 
     def _knows(self, transaction_id: bytes) -> bool:
-        if any(offer.transaction.id == transaction_id for _, offer in self._queue):
-            return True
-        with contextlib.suppress(NotFoundError):
-            self._ledger.transaction(transaction_id)
-            return True
-        return False
+        queued = any(offer.transaction.id == transaction_id for _, offer in self._queue)
+        return queued or self._ledger.holds(transaction_id)
 
     def _sort_out(
         self, offers: list[Offer]

@@ -20,17 +20,24 @@ def create_folder(folder: Path, first: Entry) -> None:
     made = folder / DATABASE_NAME
     draft = folder / f".{DATABASE_NAME}.{os.getpid()}.new"
     with storage_errors(f"creating the ledger {folder}"):
-        is_new = _check_room(folder)
+        is_new, is_made = _check_room(folder), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
             _create_database(draft, first)
-            os.rename(draft, made)
+            try:
+                os.link(draft, made)  # unlike a rename, it replaces no ledger of another process
+            except FileExistsError:
+                raise LedgerExistsError(
+                    f"{folder} holds a ledger already, made meanwhile"
+                ) from None
+            is_made = True
+            draft.unlink()
             sync_folder(folder)
             sync_folder(folder.absolute().parent)
         except BaseException:
-            for leftover in [made, *folder.glob(f"{draft.name}*")]:
+            for leftover in [*[made] * is_made, *folder.glob(f"{draft.name}*")]:
                 leftover.unlink(missing_ok=True)
-            if is_new and folder.exists():
+            if is_new and folder.exists() and not any(folder.iterdir()):
                 folder.rmdir()
             raise
 
@@ -55,6 +62,7 @@ def _check_room(folder: Path) -> bool:
         raise LedgerExistsError(f"{folder} holds a ledger already; choose another folder")
     if folder.exists() and not folder.is_dir():
         raise LedgerExistsError(f"{folder} is not a folder; choose another name")
-    if folder.is_dir() and any(folder.iterdir()):
+    drafts = f".{DATABASE_NAME}."  # of who was killed
+    if folder.is_dir() and any(not file.name.startswith(drafts) for file in folder.iterdir()):
         raise LedgerExistsError(f"{folder} is not empty and no ledger; choose another folder")
     return not folder.exists()

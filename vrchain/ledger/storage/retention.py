@@ -44,14 +44,18 @@ def named_by(records: Iterable[Record]) -> set[bytes]:
     return {b for record in records if isinstance(record, Transaction) for b in record.blobs}
 
 
-def dropped_by(blobs: Iterable[bytes], genesis: Genesis) -> set[bytes]:
-    """Digests that are let go of by those of these bytes which are the operator's drops."""
+def dropped_by(blobs: Iterable[bytes], genesis: Genesis, after: int) -> set[bytes]:
+    """Digests that are let go of by those of these bytes which are the operator's drops.
+
+    after: how many records the operator had signed before what names the blobs; older drops do not
+    count.
+    """
     found: set[bytes] = set()
     for data in blobs:
         with contextlib.suppress(LedgerError):
             record = Drop.decode(data)
             record.check_signature(OPERATOR, genesis.operator)
-            if record.ledger_id == genesis.id:
+            if record.ledger_id == genesis.id and record.sequence >= after:
                 found.update(record.blobs)
     return found
 
