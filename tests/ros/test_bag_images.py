@@ -9,6 +9,7 @@ from sights import look
 
 from vrchain.errors import ImageError
 from vrchain.geometry import Pose
+from vrchain.ros.contents import yaw_of
 from vrchain.ros.messages import is_jpeg, rgb_of
 
 PICTURE = cv2.GaussianBlur(look(Pose(0, 0)).views[0], (0, 0), 2).astype(np.uint8)
@@ -147,3 +148,17 @@ def test_which_jpeg_is_passed_through() -> None:
     assert not is_jpeg(coded(bgr, ".jpg", "rgb8; jpeg compressed rgb8"))
     assert not is_jpeg(coded(bgr, ".png", "png"))
     assert not is_jpeg(image(PICTURE, "rgb8"))
+
+
+@pytest.mark.parametrize(("encoding", "width", "height"), [("uyvy", 3, 2), ("nv12", 3, 3)])
+def test_a_size_that_an_encoding_cannot_have_is_no_picture(
+    encoding: str, width: int, height: int
+) -> None:
+    sent = Sent(encoding=encoding, height=height, width=width, step=0, is_bigendian=0,
+                data=np.zeros(99, np.uint8))  # fmt: skip
+    with pytest.raises(ImageError):
+        rgb_of(sent)
+
+
+def test_a_quaternion_beyond_all_bounds_is_none() -> None:
+    assert np.isnan(yaw_of(Sent(x=1e200, y=0.0, z=0.0, w=1.0)))

@@ -1,6 +1,8 @@
 """How long a live robot is listened to before it is known what it has; no ROS, time made up."""
 
+import contextlib
 from collections.abc import Callable
+from copy import deepcopy
 from types import SimpleNamespace
 from typing import Any
 
@@ -12,7 +14,8 @@ pytest.importorskip("mcap")
 from recordings import Row, recording
 from sights import RIG
 
-from vrchain.errors import BagError
+from vrchain.errors import BagError, MissionError
+from vrchain.robot import Drive
 from vrchain.ros import live
 from vrchain.ros.formats import Message
 from vrchain.ros.messages import typestore
@@ -107,6 +110,38 @@ def test_what_must_be_there_is_waited_for_to_the_end(
 ) -> None:
     with pytest.raises(BagError, match=f"{said}.*listened for 20 s"):
         listened(after_s, without)
+
+
+@pytest.mark.parametrize("silent", ["odom", "scan"])
+def test_without_odometry_or_ranges_a_robot_stands(
+    silent: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Commands that go on keep its own watchdog quiet, so they have to be to stand."""
+    rows = {row.topic: row for row in deepcopy(recording())}
+    node = Node(list(rows.values()), {})
+    clock = SimpleNamespace(monotonic=lambda: node.now_s, sleep=node.sleep, time_ns=lambda: 0)
+    monkeypatch.setattr(live, "time", clock)
+    robot = live.LiveRobot(node, "R1", "/R1", {}, 0.05, patience_s=3.0)
+    said: list[float] = []
+
+    def hear(command: Any) -> None:
+        said.append(command.linear.x)
+        node.now_s += 0.1
+        for topic in {"odom", "scan"} - ({silent} if len(said) > 5 else set()):
+            row, kind = rows[f"/R1/{topic}"], node.topics()[f"/R1/{topic}"]
+            if topic == "odom":
+                row.message.header.stamp.sec += 1
+            data = bytes(typestore(False).serialize_cdr(row.message, kind))
+            take = robot._take_odometry if topic == "odom" else robot._take_scan
+            take(Message(row.topic, kind, False, row.received_ns, data))
+
+    monkeypatch.setattr(robot, "_wheels", Said(hear, lambda: True))
+    hear(SimpleNamespace(linear=SimpleNamespace(x=0.0)))
+    with contextlib.suppress(MissionError):
+        for _ in range(30):
+            robot.drive(Drive(0.5), 1.0)
+    assert said[1] == 0.5 and said[-1] == 0.0
+    assert said[5:].index(0.0) <= 11  # a second of commands, ten a second
 
 
 def test_a_robot_that_wants_its_velocity_stamped(monkeypatch: pytest.MonkeyPatch) -> None:

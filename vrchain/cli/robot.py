@@ -131,8 +131,8 @@ def run(
                 summary |= {"arrived": result.arrived, "reason": result.reason}
             else:
                 _patrol(body, seconds, seed)
-            if isinstance(opened, RobotLedger):
-                opened.wait()
+        if isinstance(opened, RobotLedger):  # the robot stands
+            opened.wait()
         summary |= {"published": [asdict(p) for p in body.publications]}
         summary |= {"height": opened.head.height, "head": opened.head.hash.hex()}
     if as_json:

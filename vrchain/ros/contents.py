@@ -174,7 +174,7 @@ def focal_lengths(info: Any) -> tuple[float, float]:
 
 def yaw_of(q: Any) -> float:
     """Yaw of a quaternion; NaN if it is none."""
-    norm = q.x**2 + q.y**2 + q.z**2 + q.w**2
+    norm = q.x * q.x + q.y * q.y + q.z * q.z + q.w * q.w  # inf where a power would overflow
     if not 0.25 < norm < 4:
         return float("nan")
     return float(np.arctan2(2 * (q.w * q.z + q.x * q.y), norm - 2 * (q.y**2 + q.z**2)))

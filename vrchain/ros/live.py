@@ -39,6 +39,7 @@ from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 
 _KEPT = 300  # poses of odometry
 _SAID_EVERY_S = 0.1  # a command, while it is driven
+_STALE_S = 1.0  # odometry or ranges that are older: the robot stands until new ones come
 
 
 class LiveRobot:
@@ -66,6 +67,7 @@ class LiveRobot:
         self._raw: Pose | None = None  # the newest, as odometry has it
         self._origin = Pose(0.0, 0.0)  # of its odometry, since that was last set anew
         self._scan: Any = None
+        self._heard_s = {"odometry": -np.inf, "ranges": -np.inf}
         self._images: dict[str, deque[Message]] = {}
         contents = self._listen(rig, slop_s)
         self._laser = self._laser_pose(contents)
@@ -150,14 +152,14 @@ class LiveRobot:
                     self.jumped()
                     self._origin = placed(here, relative(raw, Pose(0.0, 0.0)))
                 here = placed(self._origin, raw)
-            self._raw = raw
+            self._raw, self._heard_s["odometry"] = raw, time.monotonic()
             self._poses.append((now_ns, here))
             self._changed.notify_all()
 
     def _take_scan(self, message: Message) -> None:
         scan = opened(message)
         with self._changed:
-            self._scan = scan
+            self._scan, self._heard_s["ranges"] = scan, time.monotonic()
             self._changed.notify_all()
 
     def _take_image(self, message: Message) -> None:
@@ -169,7 +171,9 @@ class LiveRobot:
         """What it senses now; it stands while it looks. MissionError if nothing comes any more."""
         if not look and towards_rad is None:
             with self._changed:
-                self._await(lambda: bool(self._poses) and self._scan is not None, "odometry")
+                if not self._is_fresh():
+                    self._say(STOP)
+                    self._await(self._is_fresh, "odometry and ranges")
                 time_ns, pose = self._poses[-1]
                 return Observation(time_ns, pose, ring_of(self._scan, self._laser))
         self._say(STOP)
@@ -242,6 +246,10 @@ class LiveRobot:
     def _when(message: Message) -> int:
         return stamp_ns(message) or message.received_ns
 
+    def _is_fresh(self) -> bool:
+        """Whether it knows where it is, and what is before it."""
+        return time.monotonic() - min(self._heard_s.values()) < _STALE_S
+
     def _await(self, ready: Callable[[], bool], what: str) -> None:
         """Wait, the lock held, for a message to make it so."""
         if not self._changed.wait_for(ready, self._patience_s):
@@ -257,7 +265,7 @@ class LiveRobot:
             until_ns = self._poses[-1][0] + round(duration_s * 1e9)
         patience_s = time.monotonic() + self._patience_s
         while True:
-            self._say(command)
+            self._say(command if self._is_fresh() else STOP)
             with self._changed:
                 if self._changed.wait_for(
                     lambda: self._poses[-1][0] >= until_ns, timeout=_SAID_EVERY_S
@@ -287,11 +295,11 @@ def ring_of(scan: Any, laser: NDArray[np.float64]) -> NDArray[np.float64]:
     """The range ring in a LaserScan: per beam the nearest reading; not free where none looks.
 
     laser: (4, 4), from the scan's frame to the robot's. By REP 117 inf is nothing in reach, and
-    NaN, or less than ``range_min``, is no reading.
+    NaN, or less than ``range_min``, is no reading; nor is any of a scan that has no reach.
     """
     ranges = np.asarray(scan.ranges, float)
     angles = scan.angle_min + scan.angle_increment * np.arange(len(ranges))
-    good = ~np.isnan(ranges) & (ranges >= scan.range_min)
+    good = ~np.isnan(ranges) & (ranges >= scan.range_min) & (scan.range_max > scan.range_min)
     ranges, angles = ranges[good], angles[good]
     echo = ranges < scan.range_max
     ranges = np.where(echo, ranges, RANGE_MAX_M)

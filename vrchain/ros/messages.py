@@ -84,6 +84,13 @@ def rgb_of(image: Any, label: str | None = None) -> NDArray[np.uint8]:
 
     label: the encoding, in place of the one that the message tells.
     """
+    try:
+        return _rgb_of(image, label)
+    except cv2.error as error:  # a size that its encoding cannot have, or beyond all bounds
+        raise ImageError(f"expected a picture, got what OpenCV refuses: {error.err}") from error
+
+
+def _rgb_of(image: Any, label: str | None) -> NDArray[np.uint8]:
     if hasattr(image, "encoding"):
         return _plain(image, label or image.encoding)
     picture = None

@@ -11,7 +11,7 @@ from importlib import import_module
 from threading import Event, Thread
 from typing import Any, TypeVar
 
-from vrchain.errors import BagError, VRChainError
+from vrchain.errors import BagError
 from vrchain.extras import require
 from vrchain.ros.formats import Message
 from vrchain.ros.messages import typestore
@@ -83,7 +83,7 @@ class Ros2:
         def taken(data: bytes) -> None:
             try:
                 take(Message(topic, kind, False, time.time_ns(), data))
-            except VRChainError as error:  # else it would end the thread
+            except Exception as error:  # whatever it is, it would end the thread
                 self._node.get_logger().warning(str(error))
 
         qos = self._kept(True) if topic.endswith("tf_static") else self._qos.qos_profile_sensor_data
