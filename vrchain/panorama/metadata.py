@@ -40,7 +40,7 @@ class Metadata:
 
 
 @contextmanager
-def unlimited() -> Iterator[None]:
+def _unlimited() -> Iterator[None]:
     """Pillow reads heads of pictures of any size: no pixel is read here."""
     from PIL import Image
 
@@ -59,10 +59,10 @@ def metadata_of(content: bytes, what: str) -> Metadata:
     from PIL import Image
 
     try:
-        with unlimited(), Image.open(io.BytesIO(content)) as image:
+        with _unlimited(), Image.open(io.BytesIO(content)) as image:
             xmp = image.info.get("xmp", b"")
             gps = dict(image.getexif().get_ifd(_GPS))
-    except (OSError, ValueError, SyntaxError, TypeError, KeyError, Image.DecompressionBombError):
+    except (OSError, ValueError, SyntaxError, TypeError, KeyError):
         return Metadata()
     told = _gpano(xmp if isinstance(xmp, bytes) else str(xmp).encode(), what)
     pose = {

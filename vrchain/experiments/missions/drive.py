@@ -237,9 +237,9 @@ class Suburb:
             sent = wire.sent(robot, len(others))
         seconds = (simulator.clock_ns - started_ns) / 1e9
         row = self._row(mission, arm, simulator, robot, result, seconds, first)
-        row["collisions"] = simulator.collisions(robot) - bumped
+        counted = {"collisions": simulator.collisions(robot) - bumped, "barred": bars.rows}
         costs = {"clock_s": simulator.clock_ns / 1e9, "wall_s": perf_counter() - start}
-        return {**row, **sent, "barred": bars.rows, **costs}
+        return {**row, **sent, **counted, **costs}
 
     def _goal(
         self,

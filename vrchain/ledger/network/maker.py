@@ -124,9 +124,8 @@ class Maker:
                 if type(error) in _LATER_S:
                     later.append(offer)
                     continue
-                if not self._ledger.holds(
-                    transaction.id
-                ):  # or another maker has made a block of it
+                # else another maker has made a block of it
+                if not self._ledger.holds(transaction.id):
                     self._offers.refuse(str(error), offer)
                 answered.append(offer)
             count += len(made.appended)
