@@ -1,3 +1,4 @@
+import io
 import json
 import struct
 
@@ -7,11 +8,13 @@ import pytest
 import worlds
 from hypothesis import given
 from hypothesis import strategies as st
+from PIL import Image
 
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Codec, Panorama, encode_png, read_image, view_change
 from vrchain.panorama.codec import STORED
+from vrchain.panorama.panorama import pack
 from vrchain.seeding import generator
 from vrchain.world.render import Renderer
 
@@ -160,6 +163,19 @@ HUGE = STORED.encode(np.zeros((4000, 4000, 3), np.uint8))  # of a rig of 16 x 16
 def test_what_is_no_encoded_panorama_is_refused(blob: bytes) -> None:
     with pytest.raises(ImageError):
         Panorama.decode(blob)
+
+
+def test_a_view_that_its_metadata_turn_is_refused() -> None:
+    """Its head tells the size before it is turned, and views of two sizes cannot be stacked."""
+    upright, turned = io.BytesIO(), io.BytesIO()
+    exif = Image.Exif()
+    exif[274] = 6
+    picture = Image.fromarray(np.full((16, 24, 3), 90, np.uint8))
+    picture.save(upright, "JPEG")
+    picture.save(turned, "JPEG", exif=exif)
+    views = [upright.getvalue(), turned.getvalue(), upright.getvalue()]
+    with pytest.raises(ImageError, match="another size than its rig says"):
+        Panorama.decode(pack(TINY, "jpeg", views, None))
 
 
 @given(st.lists(st.tuples(st.integers(0, 10**6), st.integers(0, 255)), min_size=1, max_size=8))

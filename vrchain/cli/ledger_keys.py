@@ -71,7 +71,8 @@ def saved_keys(
             save_key(key, path)
             saved.append(path)
         for folder in (key_folder, key_folder.absolute().parent):
-            sync_folder(folder)
+            with contextlib.suppress(OSError):  # one that may not be read cannot be synced
+                sync_folder(folder)
         yield
     except BaseException as error:
         if isinstance(error, UnavailableError) or is_done():

@@ -126,11 +126,9 @@ class Panorama:
         fits = len(sizes) == rig.n_views and ends[-1] + masked == len(blob) and masked >= 0
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
             raise ImageError("encoded panorama: its table of views does not fit its bytes")
-        coded = [blob[a:b] for a, b in itertools.pairwise(ends)]
-        if any(size_of(view, "a view") != (rig.width_px, rig.height_px) for view in coded):
-            raise ImageError("encoded panorama: a view has another size than its rig says")
+        views = [_view(blob[a:b], rig) for a, b in itertools.pairwise(ends)]
         seen = _seen(blob[ends[-1] :], rig, "encoded panorama") if masked else None
-        return cls(rig, np.stack([decode_image(view, "a view") for view in coded]), seen)
+        return cls(rig, np.stack(views), seen)
 
     def save(self, folder: Path, about: Mapping[str, object] | None = None) -> None:
         """Write the views, the cylinder (PNG) and the rig (JSON) into an existing folder.
@@ -183,6 +181,15 @@ class Panorama:
 
 def _as_grey(seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return seen.astype(np.uint8) * np.uint8(255)
+
+
+def _view(coded: bytes, rig: CameraRig) -> NDArray[np.uint8]:
+    """A view of the rig's size: so much its head says, before memory is asked for, and it has."""
+    if size_of(coded, "a view") == (rig.width_px, rig.height_px):
+        view = decode_image(coded, "a view")
+        if view.shape == (rig.height_px, rig.width_px, 3):  # metadata may turn it
+            return view
+    raise ImageError("encoded panorama: a view has another size than its rig says")
 
 
 def _seen(content: bytes, rig: CameraRig, what: str) -> NDArray[np.bool_]:

@@ -4,7 +4,7 @@ import os
 import sqlite3
 import stat
 from pathlib import Path
-from unittest.mock import patch
+from unittest.mock import Mock, patch
 
 import pytest
 from ledgers import KEYS, OPERATOR_KEY, PUBLIC, files, long_ledger, new_ledger, said_by
@@ -314,6 +314,9 @@ def test_of_two_that_create_one_ledger_one_does(
         new_ledger(folder)
     assert files(folder) == before
     monkeypatch.undo()
+    monkeypatch.setattr("os.link", Mock(side_effect=PermissionError("no links here")))
+    new_ledger(tmp_path / "card").close()
+    assert verify(tmp_path / "card").ok
     (tmp_path / "left").mkdir()
     (tmp_path / "left" / ".ledger.sqlite.123.new").write_bytes(b"half")
     new_ledger(tmp_path / "left").close()

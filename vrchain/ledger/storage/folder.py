@@ -30,8 +30,10 @@ def create_folder(folder: Path, first: Entry) -> None:
                 raise LedgerExistsError(
                     f"{folder} holds a ledger already, made meanwhile"
                 ) from None
+            except OSError:  # this file system has no links
+                os.rename(draft, made)
             is_made = True
-            draft.unlink()
+            draft.unlink(missing_ok=True)
             sync_folder(folder)
             sync_folder(folder.absolute().parent)
         except BaseException:
