@@ -138,13 +138,13 @@ def cluster(
     modules of experiments.ledger say more.
     """
     from vrchain.experiments.ledger import cluster as measured
-    from vrchain.experiments.ledger import failures, hostile
+    from vrchain.experiments.ledger import failures, flood, hostile
     from vrchain.experiments.ledger import transmission as wires
 
     ways: dict[str, Callable[[], pd.DataFrame]] = {
         "rest": lambda: measured.at_rest(updates, seed=seed),
         "load": lambda: measured.flat_out(seconds, robots, seed=seed),
-        "flood": lambda: hostile.flooded(seconds, seed=seed),
+        "flood": lambda: flood.flooded(seconds, seed=seed),
         "kills": lambda: failures.kills(kills, max(1, kills // 4), seed=seed),
         "bit": lambda: failures.flipped_bit(seed=seed),
         "hostile": lambda: hostile.attacks(seed),

@@ -6,7 +6,7 @@ from clusters import skip_without_servers
 
 from vrchain.experiments.ledger.cluster import at_rest, backlog, update_over_servers
 from vrchain.experiments.ledger.failures import flipped_bit, kills
-from vrchain.experiments.ledger.hostile import flooded
+from vrchain.experiments.ledger.flood import flooded
 
 
 @pytest.fixture(autouse=True)

@@ -12,7 +12,7 @@ def test_every_attack_is_stopped_and_by_whom() -> None:
     table = attacks()
     print(f"\n{table[['attack', 'stopped_by']].to_string(index=False)}")
     stopped = dict(zip(table.attack, table.stopped_by, strict=True))
-    assert len(stopped) == 20
+    assert len(stopped) == 23
     assert "nothing" not in stopped.values()
     refused = [name for name, by in stopped.items() if by == "servers: permission"]
     assert len(refused) == 9
@@ -26,6 +26,9 @@ def test_every_attack_is_stopped_and_by_whom() -> None:
         "come in with another key": "servers: key",
         "flood its own subject": "servers: limit of offers that wait",
         "as operator of servers, delete a block": "servers: deny_delete",
+        "have an answer written as a block": "servers: account of its own",
+        "have an answer offered in another's place": "servers: account of its own",
+        "have an answer delete the chain": "servers: account of its own",
         "listen to another's answers": "servers: subscription not permitted",
         "send what is too large": "servers: TooLargeError",
         "offer garbage": "maker: EncodingError",

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ from vrchain.ledger.network.log import put
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream, set_up
+from vrchain.ledger.rules.limits import UNLIMITED
 
 USERS = Users(OPERATOR_KEY.public, {n: k.public for n, k in KEYS.items()}, frozenset({"R2"}))
 
@@ -77,8 +79,9 @@ GREETING = {"version": "2.15.1", "headers": True, "max_payload": 8 << 20, "jetst
 
 
 def test_a_member_and_a_maker_work_with_their_keys_alone(guarded: Cluster, tmp_path: Path) -> None:
+    limits = replace(UNLIMITED, blob_bytes=1000)
     with (
-        making(guarded.address, tmp_path / "R2", "R2", signs=True),
+        making(guarded.address, tmp_path / "R2", "R2", signs=True, limits=limits),
         open_ledger(guarded.address, tmp_path / "R1", key=KEYS["R1"], name="R1") as r1,
         open_ledger(guarded.address, tmp_path / "R3", key=KEYS["R3"], name="R3") as r3,
     ):
@@ -90,6 +93,30 @@ def test_a_member_and_a_maker_work_with_their_keys_alone(guarded: Cluster, tmp_p
         r3.publish("R1", KEYS["R1"], b"in another's place", "view", 70)
         with pytest.raises(errors.ClusterError, match=r"do not permit R3 to publish to offer\.R1"):
             r3.wait(timeout_s=PATIENCE_S)
+        refused = r1.publish("R1", KEYS["R1"], bytes(2000), "view", 70)
+        with pytest.raises(errors.RefusedError, match=r"of at most 1000, got .* 2000"):
+            r1.wait(refused, timeout_s=PATIENCE_S)
+
+
+def test_servers_that_are_reloaded_twice_let_a_new_member_in_and_an_expelled_one_no_more(
+    tmp_path: Path,
+) -> None:
+    skip_without_servers()
+    first, later = (Users(OPERATOR_KEY.public, {n: KEYS[n].public for n in names}, frozenset())
+                    for names in (("R1", "R2"), ("R2", "R3")))  # fmt: skip
+    cluster = Cluster.make(tmp_path / "servers", 1, first)
+    (node,) = cluster.nodes
+    with cluster.running(OPERATOR_KEY, "operator"):
+        config = server_config(node, cluster.nodes, cluster.folder / node.name, later)
+        (cluster.folder / f"{node.name}.conf").write_text(config)
+        log = cluster.folder / f"{node.name}.log"
+        for times in (1, 2):
+            os.kill(cluster.process(node.name) or 0, signal.SIGHUP)
+            eventually(lambda n=times: log.read_text().count("Reloaded server config") == n)
+        for name in ("R2", "R3"):
+            assert newest(cluster.address, key=KEYS[name], name=name) == -1
+        with pytest.raises(errors.ClusterError, match="let nobody in as R1"):
+            newest(cluster.address, key=KEYS["R1"], name="R1")
 
 
 @pytest.mark.parametrize(
@@ -226,8 +253,9 @@ def test_a_key_is_written_as_nats_does() -> None:
     assert len(written) == 56 and written[0] == "U"
     assert token("a.b-c") == "a=b-c"
     config = json.loads(server_config(*_nodes(), Path("/store"), USERS))
-    users = {user["nkey"]: user["permissions"] for user in config["authorization"]["users"]}
-    assert len(users) == 4
+    accounts = config["accounts"].values()
+    users = {user["nkey"]: user["permissions"] for own in accounts for user in own["users"]}
+    assert len(users) == len(accounts) == 4
     assert "block" not in users[written]["publish"]["allow"]
     assert "block" in users[nkey(KEYS["R2"].public)]["publish"]["allow"]
     assert config["jetstream"]["sync_interval"] == "always"
@@ -368,4 +396,4 @@ def test_the_configuration_of_real_servers(folder: Path, tmp_path: Path) -> None
     config = json.loads((tmp_path / "out" / "n2.conf").read_text())
     assert config["tls"]["cert_file"] == "/etc/vrchain/n2.crt"
     assert config["cluster"]["tls"]["verify"] and config["max_payload"] == 8 << 20
-    assert len(config["authorization"]["users"]) == 4
+    assert len(config["accounts"]) == 4

@@ -4,10 +4,6 @@ A member has its own key, and may send the servers any bytes. Each attempt is ma
 the table says who refused it: the servers, the maker, or those who follow.
 """
 
-import itertools
-import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections.abc import Callable
@@ -17,23 +13,15 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from vrchain.errors import LedgerError
-from vrchain.experiments.ledger.child import python
-from vrchain.experiments.ledger.cluster import (
-    PATIENCE_S,
-    PAYLOAD_BYTES,
-    team,
-    waits_ms,
-)
 from vrchain.experiments.ledger.stores import create_ledger
 from vrchain.ledger import Ledger, Offer, SigningKey, Transaction, simulated_key
 from vrchain.ledger.cluster.config import Users
 from vrchain.ledger.cluster.servers import Cluster
-from vrchain.ledger.errors import ClusterError, UnavailableError
-from vrchain.ledger.network.connection import Connection, Servers
+from vrchain.ledger.errors import UnavailableError
+from vrchain.ledger.network.connection import API, Connection, Servers
 from vrchain.ledger.network.log import put
 from vrchain.ledger.network.maker import Maker
 from vrchain.ledger.network.message import (
@@ -50,8 +38,6 @@ from vrchain.ledger.records.block import Entry
 
 HOSTILE, OTHER, MAKER = "R1", "R2", "M"
 _TRY_S = 2.0
-_API = "$JS.API"
-
 _BY = {
     "do not permit": "permission",
     "let nobody in": "key",
@@ -63,21 +49,21 @@ _BY = {
 _FORBIDDEN = {
     "write a block itself": "block",
     "offer in another's place": f"offer.{OTHER}",
-    "delete the chain": f"{_API}.STREAM.DELETE.block",
-    "delete one block": f"{_API}.STREAM.MSG.DELETE.block",
-    "empty the chain": f"{_API}.STREAM.PURGE.block",
-    "change how it is kept": f"{_API}.STREAM.UPDATE.block",
-    "depose the leader": f"{_API}.STREAM.LEADER.STEPDOWN.block",
-    "take away others' offers": f"{_API}.CONSUMER.MSG.NEXT.offer.maker",
+    "delete the chain": f"{API}.STREAM.DELETE.block",
+    "delete one block": f"{API}.STREAM.MSG.DELETE.block",
+    "empty the chain": f"{API}.STREAM.PURGE.block",
+    "change how it is kept": f"{API}.STREAM.UPDATE.block",
+    "depose the leader": f"{API}.STREAM.LEADER.STEPDOWN.block",
+    "take away others' offers": f"{API}.CONSUMER.MSG.NEXT.offer.maker",
     "command the servers": "$SYS.REQ.SERVER.PING.CONFIG",
 }
 
-
-FLOOD_CODE = """
-import sys
-from vrchain.experiments.ledger.hostile import flood_offers
-flood_offers(*sys.argv[1:])
-"""
+# What it may ask, and where it wants the servers' answer.
+_ANSWERED = {
+    "have an answer written as a block": (f"offer.{HOSTILE}", "block"),
+    "have an answer offered in another's place": (f"{API}.DIRECT.GET.block", f"offer.{OTHER}"),
+    "have an answer delete the chain": (f"{API}.DIRECT.GET.block", "$JS.API.STREAM.DELETE.block"),
+}
 
 
 @dataclass(frozen=True)
@@ -111,6 +97,7 @@ def attacks(seed: int = 0, nodes: int = 1) -> pd.DataFrame:
     with tempfile.TemporaryDirectory() as scratch, ExitStack() as stack:
         stage = _stage(Path(scratch), seed, nodes, stack)
         rows = [_row(name, partial(_send, stage, to)) for name, to in _FORBIDDEN.items()]
+        rows += [_row(name, partial(_answered, stage, *how)) for name, how in _ANSWERED.items()]
         rows += [
             _row("listen to another's answers", lambda: _listen(stage, f"_INBOX.{OTHER}.>")),
             _row("come in without a key", lambda: _enter(stage, None)),
@@ -125,47 +112,6 @@ def attacks(seed: int = 0, nodes: int = 1) -> pd.DataFrame:
             _row("as maker, two blocks at one height", lambda: _second_block(stage)),
         ]
     return pd.DataFrame(rows, columns=["attack", "stopped_by", "said"])
-
-
-def flooded(seconds: float = 10.0, *, seed: int = 0) -> pd.DataFrame:
-    """Two robots at work, quiet and while a third offers rubbish as fast as servers take it.
-
-    One row each: name, n, median_ms, p99_ms, longest_ms, ratio (of the p99 to the quiet one), and
-    of the flood: taken (offers of 200 KB that the servers took), refused (those over its limit).
-    """
-    with team(3, seed) as made:
-        phases = {"quiet": waits_ms(made, seconds, made.robots[:2])}
-        words = ("-c", FLOOD_CODE, made.cluster.address, made.robots[2])
-        flood = python(*words, stdout=subprocess.PIPE)
-        try:
-            phases["flooded"] = waits_ms(made, seconds, made.robots[:2])
-            flood.terminate()
-            taken, refused = map(int, flood.communicate(timeout=PATIENCE_S)[0].split())
-        finally:
-            flood.kill()
-            flood.wait()
-    rows = []
-    for name, waits in phases.items():
-        ms = np.concatenate([np.array(own) for own in waits.values()])
-        p99_ms = float(np.quantile(ms, 0.99))
-        counts = (taken, refused) if name == "flooded" else (0, 0)
-        rows.append((name, len(ms), np.median(ms), p99_ms, ms.max(), p99_ms, *counts))
-    columns = ["name", "n", "median_ms", "p99_ms", "longest_ms", "ratio", "taken", "refused"]
-    table = pd.DataFrame(rows, columns=columns)
-    return table.assign(ratio=table.ratio / table.ratio.iloc[0])
-
-
-def flood_offers(address: str, robot: str) -> None:
-    """What a hostile member's process does in ``flooded``, until it is ended."""
-    counts, rubbish = [0, 0], bytes(PAYLOAD_BYTES)
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(print(*counts)))
-    with closing(Stream(Connection(Servers.at(address)))) as stream:
-        for number in itertools.count():
-            try:
-                stream.offer(robot, number.to_bytes(32, "big"), rubbish)
-                counts[0] += 1
-            except ClusterError:
-                counts[1] += 1
 
 
 def _stage(scratch: Path, seed: int, nodes: int, stack: ExitStack) -> Stage:
@@ -213,6 +159,31 @@ def _send(stage: Stage, subject: str) -> str:
 
     connection.run(send)
     return "nothing"
+
+
+def _answered(stage: Stage, asked: str, to: str) -> str:
+    """Stopped if streams are as before once the servers have answered, which no member sees."""
+
+    def state() -> tuple[int, int] | None:
+        try:
+            return stage.stream.newest(), stage.stream.offers_of(OTHER)
+        except LedgerError:
+            return None
+
+    async def send(client: Any) -> None:
+        await client.publish(asked, b"{}", reply=to)
+        await client.flush()
+
+    before = state()
+    stage.connection.run(send)
+    until_s = time.monotonic() + _TRY_S
+    while time.monotonic() < until_s:
+        if state() != before:
+            return "nothing"
+        time.sleep(0.05)
+    while stage.maker.turn(0.2):  # what it offered meanwhile
+        pass
+    return "servers: account of its own"
 
 
 def _listen(stage: Stage, subject: str) -> str:

@@ -9,12 +9,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from vrchain.ledger.network.connection import nkey, token
+from vrchain.ledger.network.connection import API, nkey, token
 from vrchain.ledger.network.stream import BLOCKS, HEADS, MAKER, OFFERS, REFUSED, SAID
 from vrchain.ledger.records.keys import PublicKey
 
 CLUSTER_NAME = "vrchain"
-_READS = (f"$JS.API.DIRECT.GET.{BLOCKS}", f"$JS.API.STREAM.INFO.{BLOCKS}")
+_MAPPINGS = {f"{API}.>": "$JS.API.>"}
+_LEDGER = "ledger"  # the account that holds the streams
+_ASKED = (
+    f"{API}.DIRECT.GET.{BLOCKS}",
+    f"{API}.STREAM.MSG.GET.{BLOCKS}",
+    f"{API}.STREAM.INFO.{BLOCKS}",
+    f"{API}.STREAM.INFO.{OFFERS}",
+)
+_TAKEN = f"{API}.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"  # a request that has several answers
+_MADE = (BLOCKS, f"$JS.ACK.{OFFERS}.{MAKER}.>", _TAKEN)
 
 
 @dataclass(frozen=True)
@@ -50,30 +59,54 @@ class Users:
     members: Mapping[str, PublicKey]
     makers: frozenset[str]
 
-    def permissions(self) -> list[dict[str, Any]]:
-        """The users as the servers' configuration has them."""
-        found = [{"nkey": nkey(self.operator), "permissions": {"publish": ">", "subscribe": ">"}}]
+    def accounts(self) -> dict[str, Any]:
+        """The servers' accounts: one of the streams and the operator, and one of each member.
+
+        A member reaches the streams by what its account imports, and in no other way: an answer
+        that it has sent to a stream's subject ends in its own account, where no stream is.
+        """
+        everything = {"publish": ">", "subscribe": ">"}
+        services = [{"service": subject} for subject in (f"{OFFERS}.*", *_ASKED, *_MADE[:-1])]
+        services.append({"service": _TAKEN, "response_type": "stream"})
+        found: dict[str, Any] = {
+            _LEDGER: {
+                "jetstream": "enabled",
+                "mappings": _MAPPINGS,
+                "users": [{"nkey": nkey(self.operator), "permissions": everything}],
+                "exports": [*services, {"stream": SAID}],
+            }
+        }
         for name, key in sorted(self.members.items()):
-            found.append(
-                {"nkey": nkey(key), "permissions": _permissions(name, name in self.makers)}
-            )
+            found[_account(name)] = self._member(name, nkey(key))
         return found
 
+    def _member(self, name: str, nkey: str) -> dict[str, Any]:
+        own, makes = token(name), name in self.makers
+        asks = [f"{OFFERS}.{own}", *_ASKED, *(_MADE if makes else ())]
+        tells = [f"{HEADS}.{own}", *([f"{REFUSED}.*"] if makes else [])]
+        hears = [SAID, f"{HEADS}.*", f"{REFUSED}.{own}"]
+        others = [(f"{HEADS}.{token(other)}", other) for other in self.members if other != name]
+        others += [(f"{REFUSED}.{own}", maker) for maker in self.makers if maker != name]
+        allowed = {
+            "publish": {"allow": [*asks, *tells]},
+            "subscribe": {"allow": [f"_INBOX.{own}.>", *hears]},
+        }
+        return {
+            "users": [{"nkey": nkey, "permissions": allowed}],
+            "exports": [{"stream": subject} for subject in tells],
+            "imports": [
+                *({"service": {"account": _LEDGER, "subject": subject}} for subject in asks),
+                {"stream": {"account": _LEDGER, "subject": SAID}},
+                *(
+                    {"stream": {"account": _account(of), "subject": subject}}
+                    for subject, of in sorted(others)
+                ),
+            ],
+        }
 
-def _permissions(name: str, makes: bool) -> dict[str, Any]:
-    own = token(name)
-    publish = [
-        f"{OFFERS}.{own}",
-        f"{HEADS}.{own}",
-        *_READS,
-        f"$JS.API.STREAM.MSG.GET.{BLOCKS}",
-        f"$JS.API.STREAM.INFO.{OFFERS}",
-    ]
-    if makes:
-        publish += [BLOCKS, f"{REFUSED}.*", f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"]
-        publish += [f"$JS.ACK.{OFFERS}.{MAKER}.>"]
-    subscribe = [f"_INBOX.{own}.>", SAID, f"{HEADS}.*", f"{REFUSED}.{own}"]
-    return {"publish": {"allow": publish}, "subscribe": {"allow": subscribe}}
+
+def _account(member: str) -> str:
+    return f"robot-{token(member)}"
 
 
 def server_config(
@@ -102,8 +135,7 @@ def server_config(
             "no_advertise": True,  # robots use the addresses that they are given
             "routes": [f"nats://{other.host}:{other.route_port}" for other in nodes],
         }
-    if users is not None:
-        config["authorization"] = {"users": users.permissions()}
+    config |= {"mappings": _MAPPINGS} if users is None else {"accounts": users.accounts()}
     if tls is not None:
         files = {"cert_file": str(tls.certificate), "key_file": str(tls.key)}
         files["ca_file"] = str(tls.authority)

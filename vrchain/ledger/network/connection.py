@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from nats.aio.client import Client
 
 OLDEST_SERVER = (2, 12, 0)
+API = "vrchain.API"  # NATS's own, $JS.API, means the streams of who asks, and members have none
 _USER = 20 << 3  # what the 'U' before a user's key stands for
 _CHALLENGE = re.compile(r"[A-Za-z0-9_=-]{1,64}")
 _PENDING_BYTES = 1 << 25

@@ -7,7 +7,7 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from vrchain.ledger.network.connection import Connection, token
+from vrchain.ledger.network.connection import API, Connection, token
 from vrchain.ledger.network.message import pack_refusal
 from vrchain.ledger.network.stream import MAKER, MAKERS, OFFERS, REFUSED
 
@@ -76,7 +76,7 @@ class Offers:
         asked: dict[str, Any] = {"batch": most, "expires": int(_ASK_S * 1e9), "group": MAKERS}
         if self._pin:
             asked["id"] = self._pin
-        subject = f"$JS.API.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"
+        subject = f"{API}.CONSUMER.MSG.NEXT.{OFFERS}.{MAKER}"
         self._open, self._until_s = self._open + most, time.monotonic() + _ASK_S
         await client.publish(subject, json.dumps(asked).encode(), reply=self._inbox)
         await client.flush()

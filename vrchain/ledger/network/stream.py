@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import ClusterError, GapError, UnavailableError
-from vrchain.ledger.network.connection import Connection, token
+from vrchain.ledger.network.connection import API, Connection, token
 from vrchain.ledger.network.log import Given
 from vrchain.ledger.network.message import (
     MAX_MESSAGE_BYTES,
@@ -282,10 +282,10 @@ def set_up(connection: Connection, replicas: int, max_bytes: int = -1) -> None:
     asked = {"stream_name": OFFERS, "config": maker.as_dict() | pinned}
 
     async def add(client: "Client") -> None:
-        stream = client.jetstream(timeout=connection.servers.timeout_s)
+        stream = client.jetstream(prefix=API, timeout=connection.servers.timeout_s)
         for config in (blocks, offers):
             made = stream.add_stream(config)
-            await connection.permitted(f"$JS.API.STREAM.CREATE.{config.name}", made)
+            await connection.permitted(f"{API}.STREAM.CREATE.{config.name}", made)
         await _ask(client, f"CONSUMER.DURABLE.CREATE.{OFFERS}.{MAKER}", asked)
 
     connection.run(add, 3 * connection.servers.timeout_s)
@@ -315,7 +315,7 @@ async def _info(client: "Client", stream: str, subject: str = "") -> dict[str, A
 async def _ask(client: "Client", what: str, asked: dict[str, Any]) -> dict[str, Any]:
     from nats.js.errors import APIError
 
-    answer = await client.request(f"$JS.API.{what}", json.dumps(asked).encode(), timeout=5)
+    answer = await client.request(f"{API}.{what}", json.dumps(asked).encode(), timeout=5)
     told = json.loads(answer.data)
     if "error" in told:
         APIError.from_error(told["error"])
@@ -334,7 +334,7 @@ async def _direct(client: "Client", number: int) -> tuple[int, bytes] | None:
     None: it has not come so far. UnavailableError.
     """
     asked = json.dumps({"seq": number, "next_by_subj": BLOCKS}).encode()
-    answer = await client.request(f"$JS.API.DIRECT.GET.{BLOCKS}", asked, timeout=5)
+    answer = await client.request(f"{API}.DIRECT.GET.{BLOCKS}", asked, timeout=5)
     headers = answer.headers or {}
     if headers.get("Status") == "404":
         return None
