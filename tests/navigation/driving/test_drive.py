@@ -1,5 +1,7 @@
 """Driving by odometry, around what the range ring shows."""
 
+from functools import partial
+from itertools import combinations
 from typing import cast
 
 import numpy as np
@@ -12,7 +14,10 @@ from vrchain.navigation.driving.drive import Pilot
 from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.settings import GaveUp, MissionConfig
 from vrchain.robot import UNSEEN_M, Drive, Observation, beams_rad
+from vrchain.seeding import generator
 from vrchain.simulation.simulator import Simulator
+from vrchain.simulation.together import Together
+from vrchain.world.model import ROBOT_RADIUS_M
 
 
 def pilot(shut_in: bool = False, **config: float) -> Pilot:
@@ -68,6 +73,44 @@ def test_who_drives_gives_way_to_who_comes_from_the_side(
     assert ours.stretch(np.array([9.0, 0.0]), 1.0, 6.0) is not None
     assert simulator.collisions("R1") == 0
     assert simulator.pose("R1").x_m > 5.0
+
+
+def crossing(seed: int, n_robots: int) -> tuple[Simulator, float]:
+    """Each drives to the other side of a circle; and for how many seconds two drive side by side.
+
+    Side by side: nearer than 0.3 m. All set out at once, and are in the middle at once.
+    """
+    draws = generator(seed, "crossing")
+    turned = 2 * np.pi * (np.arange(n_robots) + draws.uniform(-0.3, 0.3, n_robots)) / n_robots
+    out = np.stack([np.cos(turned), np.sin(turned)], axis=1)
+    starts = {f"R{k}": Pose(*map(float, 6 * xy), float(turned[k] + np.pi))
+              for k, xy in enumerate(out)}  # fmt: skip
+    simulator = Simulator(worlds.world(), starts, seed=seed)
+    together = Together(simulator)
+
+    def cross(name: str) -> None:
+        ours = Pilot(together.body(simulator, name), PERCEPTION, MissionConfig(limit_s=90.0))
+        while ours.here.distance_to_m(np.array([12.0, 0.0])) > 0.5:
+            ours.stretch(np.array([12.0, 0.0]), 0.4, 0.5)
+
+    together.run({name: partial(cross, name) for name in starts})
+    paths = [simulator.path_xy_m(name) for name in starts]
+    moved = [np.hypot(*np.diff(path, axis=0).T) > 0.03 for path in paths]
+    beside_s = 0.0
+    for a, b in combinations(range(n_robots), 2):
+        apart_m = np.hypot(*(paths[a] - paths[b]).T)[1:] - 2 * ROBOT_RADIUS_M
+        beside_s += 0.3 * float((moved[a] & moved[b] & (apart_m < 0.3)).sum())
+    return simulator, beside_s
+
+
+def test_of_robots_that_meet_one_goes_first() -> None:
+    """As it was met: two stood and went on at the same moments, nearer each time, and touched."""
+    beside_s = []
+    for seed, n_robots in enumerate((2, 2, 3, 3, 4, 4)):
+        simulator, side_by_side_s = crossing(seed, n_robots)
+        beside_s.append(side_by_side_s)
+        assert sum(map(simulator.collisions, simulator.robots)) == 0
+    assert sum(beside_s) < 2.0  # 5 s in all as long as both went on at once
 
 
 class Swaying(Walker):

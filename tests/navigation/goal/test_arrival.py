@@ -280,6 +280,19 @@ def test_a_bush_before_a_wide_goal_is_gone_round(
     assert pilot.driven_to == pytest.approx(driven_to, abs=0.05)
 
 
+def test_who_would_have_to_go_far_round_stays_where_it_has_arrived() -> None:
+    """As it was met: from 2 m before a house along a hedge, and 3.5 m from it it was claimed."""
+    pilot = BeforeABush(3.0)
+
+    def away(xy_m: Any, *way: object) -> float:
+        pilot.here = Pose(pilot.here.x_m - 0.5, pilot.here.y_m)
+        return 0.5
+
+    pilot.stretch = away  # type: ignore[method-assign]
+    arrival(pilot)._draw_up(at(1.0, (-9.0, sight_of(9.0, half_width_rad=0.3))))
+    assert -1.0 <= pilot.here.x_m <= -0.5
+
+
 def sized(range_m: float, bearing_rad: float = 0.0, n_matches: int = 20) -> GoalSight:
     """By its size so far away."""
     return sight_of(range_m, n_matches, 0.99, sized=True, bearing_rad=bearing_rad)

@@ -14,11 +14,13 @@ from vrchain.navigation.perception import Look, Perception
 from vrchain.navigation.settings import Body, GaveUp, MissionConfig
 from vrchain.panorama import Panorama
 from vrchain.robot import UNSEEN_M, Observation, beams_rad, newcomer_m, steer
+from vrchain.seeding import generator
 
 _HEADWAY_M = 0.5  # of way, without which a robot is stuck
 _LINGERS_M, _LINGERS_S = 2.0, 40.0  # back and forth within so much, for so long: stuck too
 _TICKS = 3  # of steering between two searches for a path
-_YIELDS_M = 1.2  # to what drives so near: steering minds only what is ahead
+_YIELDS_M = 1.5  # to what drives so near: steering minds only what is ahead
+_SOON_S, _WAITS_S = 2.0, (0.3, 2.0)  # who yields again so soon waits for a time between these
 _SLOW_M_S = 0.4  # an approach that is slower leads astray
 _ONE_SURFACE_M = 1.0  # neighbouring beams that end no farther apart meet one surface
 
@@ -39,6 +41,7 @@ class Pilot:
         self._before = self.now  # the last time it drove
         self._deadline_ns = self.now.time_ns + int(config.limit_s * 1e9)
         self._about_ns, self._about_xy_m = self.now.time_ns, self.here.xy_m
+        self._yielded_ns, self._waits_ns = 0, 0  # when last, and until when it waits for the other
 
     @property
     def here(self) -> Pose:
@@ -146,7 +149,7 @@ class Pilot:
                     raise GaveUp(f"out of time after {self.config.limit_s:g} s")
                 wanted = float(wrap_angle_rad(course - self.here.yaw_rad))
                 drive = steer(wanted, self.now.range_ring_m)
-                if newcomer_m(self._before, self.now) < _YIELDS_M:
+                if self._yields():
                     drive = replace(drive, speed_m_s=0.0)
                 self._before = self.now
                 self.body.drive(drive, self.config.tick_s)
@@ -154,3 +157,18 @@ class Pilot:
                 driven_m += previous.distance_to_m(self.here.xy_m)
                 previous = self.here
         return driven_m
+
+    def _yields(self) -> bool:
+        """Whether something drives so near that it waits.
+
+        Two that meet see each other stand, and would go on at the same moments until they touch. So
+        who yields again waits for a time that hangs on where its odometry has it: one goes first.
+        """
+        now_ns = self.now.time_ns
+        if newcomer_m(self._before, self.now) >= _YIELDS_M:
+            return now_ns < self._waits_ns
+        if now_ns - self._yielded_ns < _SOON_S * 1e9:
+            draws = generator(round(1000 * self.here.x_m), "yield", round(1000 * self.here.y_m))
+            self._waits_ns = now_ns + round(draws.uniform(*_WAITS_S) * 1e9)
+        self._yielded_ns = now_ns
+        return True
