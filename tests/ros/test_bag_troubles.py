@@ -173,6 +173,12 @@ def test_a_rig_tells_what_the_bag_does_not(tmp_path: Path) -> None:
         ("cameras: [{topic: camera_9/image_raw}]", "camera_9/image_raw is not in the bags"),
         ("cameras: [{topic: camera_0/image_raw, intrinsics: [1, 2]}]", "four intrinsics"),
         ("cameras: [{topic: camera_0/image_raw, intrinsics: [a]}]", "intrinsics [fx"),
+        (
+            "cameras: [{topic: camera_0/image_raw, bearing_deg: left}]",
+            "expected numbers as bearing",
+        ),
+        ("camera_height_m: high", "expected a number as camera_height_m, got 'high'"),
+        ("camera_height_m: .nan", "give --rig a camera_height_m"),
     ],
 )
 def test_a_wrong_rig(text: str, said: str, tmp_path: Path) -> None:

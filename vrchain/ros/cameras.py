@@ -106,11 +106,20 @@ def narrowed(camera: Camera, degrees: Any) -> Camera:
 
 
 def pose_from_rig(told: Mapping[str, Any]) -> Array:
-    """(4, 4), from the optical frame to the robot's: bearing left, pitch up, roll clockwise."""
-    bearing, pitch, roll = (float(told.get(f"{k}_deg", 0.0)) for k in ("bearing", "pitch", "roll"))
+    """(4, 4), from the optical frame to the robot's: bearing left, pitch up, roll clockwise.
+
+    BagError.
+    """
+    names = ("bearing_deg", "pitch_deg", "roll_deg", "height_m")
+    try:
+        bearing, pitch, roll, height_m = (float(told.get(name, 0.0)) for name in names)
+    except (TypeError, ValueError) as error:
+        raise BagError(
+            f"rig: expected numbers as {', '.join(names)}, got {error!r} in {dict(told)}"
+        ) from error
     pose = np.eye(4)
     pose[:3, :3] = rotation_z(np.radians(bearing)) @ tilted(pitch, roll) @ OPTICAL.T
-    pose[2, 3] = float(told.get("height_m", 0.0))
+    pose[2, 3] = height_m
     return pose
 
 
@@ -147,7 +156,12 @@ def ring_of(cameras: Sequence[Camera], camera_height_m: float | None = None) -> 
     horizon, or the height is not known.
     """
     told_m = float(np.median([c.pose[2, 3] for c in cameras]))
-    height_m = round(told_m if camera_height_m is None else camera_height_m, 6)
+    try:
+        height_m = round(told_m if camera_height_m is None else float(camera_height_m), 6)
+    except (TypeError, ValueError) as error:
+        raise BagError(
+            f"rig: expected a number as camera_height_m, got {camera_height_m!r}"
+        ) from error
     ordered = tuple(
         sorted(cameras, key=lambda c: (round(c.bearing_rad % (2 * np.pi), 3) % 6.283, c.topic))
     )
