@@ -25,19 +25,20 @@ from vrchain.ledger.network.stream import Stream
 class Given:
     """Offers as they are given to one maker, and what it answers."""
 
-    def __init__(self, *offers: Offer) -> None:
+    def __init__(self, *offers: Offer, tries: int = 1) -> None:
         self._offers = [
             Waiting(
                 offer.transaction.robot,
                 pack_offer(offer),
                 SimpleNamespace(
                     reply=(offer.transaction.id, number),
-                    metadata=SimpleNamespace(num_delivered=1),
+                    metadata=SimpleNamespace(num_delivered=tries),
                 ),
             )
             for number, offer in enumerate(offers)
         ]
         self.answers: list[tuple[str, bytes]] = []
+        self.delays_s: list[float] = []
 
     def take(self, most: int, wait_s: float) -> list[Waiting]:
         taken, self._offers = self._offers[:most], self._offers[most:]
@@ -54,6 +55,7 @@ class Given:
 
     def later(self, delay_s: float, *offers: Waiting) -> None:
         self._note("later", offers)
+        self.delays_s += [delay_s] * len(offers)
 
 
 def following(ledger: Ledger, count: int) -> list[Offer]:
@@ -106,6 +108,24 @@ def test_what_comes_before_its_turn_is_given_back_and_what_is_in_is_done(
         assert Maker(ledger, given, "R2", KEYS["R2"], clock=lambda: 100).turn(0.0) == 2
         ids = [offer.transaction.id for offer in (a, c, a, b)]  # the second a is one too many
         assert given.answers == [*zip(["done", "later", "done", "done"], ids, strict=True)]
+
+
+def test_what_is_never_followed_up_is_asked_for_less_and_less_and_let_go(
+    log: FolderLog, tmp_path: Path
+) -> None:
+    """A member that leaves one out had its offers handed out ten times a second."""
+    with Replicated.join(tmp_path / "one", log) as ledger:
+        ledger.catch_up()
+        _, alone = following(ledger, 2)
+        delays_s, answers = [], []
+        for tries in range(1, 22):
+            given = Given(alone, tries=tries)
+            assert Maker(ledger, given, "R2", KEYS["R2"], clock=lambda: 100).turn(0.0) == 0
+            delays_s += given.delays_s
+            answers += [what for what, _ in given.answers]
+        assert answers == ["later"] * 20 + ["done"]
+        assert delays_s[:4] == [0.1, 0.2, 0.4, 0.8] and max(delays_s) == 5.0
+        assert sum(delays_s) > 60.0  # as long as another maker may take to start
 
 
 def test_of_two_makers_one_is_given_all_and_the_other_takes_over(tmp_path: Path) -> None:

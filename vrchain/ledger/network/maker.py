@@ -31,7 +31,8 @@ from vrchain.ledger.records.transaction import Transaction
 from vrchain.ledger.rules.admission import Admission
 from vrchain.ledger.rules.limits import Limits
 
-_LATER_S = {SequenceGapError: 0.1, RateLimitError: 0.5, QueueFullError: 0.5, ClockSkewError: 5.0}
+_GAP_S, _LONG_GAP_S, _GAP_TRIES = 0.1, 5.0, 20  # what is left out comes soon, or may never come
+_LATER_S = {SequenceGapError: _GAP_S, RateLimitError: 0.5, QueueFullError: 0.5, ClockSkewError: 5.0}
 _MOST_TRIES = 600  # then it is let go, whatever it waits for: its robot sends it again
 _FOR_GOOD = EncodingError, RecordError, InputLimitError, InvalidError
 
@@ -90,9 +91,11 @@ class Maker:
                 raise
             except LedgerError as error:
                 self.counts[type(error).__name__] += 1
-                delay_s = _LATER_S.get(type(error))
-                tries = offer.message.metadata.num_delivered
-                if delay_s is None or (tries or 0) > _MOST_TRIES:
+                delay_s, most = _LATER_S.get(type(error)), _MOST_TRIES
+                tries = offer.message.metadata.num_delivered or 1
+                if isinstance(error, SequenceGapError):  # each try costs the servers its bytes
+                    delay_s, most = min(_GAP_S * 2 ** (tries - 1), _LONG_GAP_S), _GAP_TRIES
+                if delay_s is None or tries > most:
                     if delay_s is None and isinstance(error, _FOR_GOOD):
                         self._offers.refuse(str(error), offer)
                     over.append(offer)
@@ -131,7 +134,7 @@ class Maker:
             count += len(made.appended)
             self.counts["appended"] += len(made.appended)
             self._answered(answered, held, None)
-            self._answered(later, held, _LATER_S[SequenceGapError])
+            self._answered(later, held, _GAP_S)
         return count
 
     def _answered(
