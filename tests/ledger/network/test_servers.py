@@ -313,7 +313,9 @@ def test_commands_that_write_go_through_the_servers(servers: Cluster, tmp_path: 
         (tmp_path / "file").write_bytes(b"payload")
         words = ("ledger", "append", team, "R2", tmp_path / "file", *keys)
         assert "transaction 0 of R2 in block 2" in said(*words, "--servers", servers.address)
-    assert verify(team).ok
+    maker = tmp_path / "maker"
+    assert "give --servers" in said("ledger", "enroll", maker, "R3", *keys, status=1)
+    assert verify(team).ok and verify(maker).ok
 
 
 @contextlib.contextmanager

@@ -24,6 +24,7 @@ from vrchain.ledger.errors import (
     WrongLedgerError,
 )
 from vrchain.ledger.network.log import Given, Log
+from vrchain.ledger.network.outbox import OUTBOX_NAME
 from vrchain.ledger.records.block import Block, Entry, Record
 from vrchain.ledger.records.keys import DATABASE_NAME, SigningKey
 from vrchain.ledger.rules.chain import Lap
@@ -61,6 +62,8 @@ class Replicated(Ledger):
             if first is None:
                 raise NotALedgerError("the servers hold no block yet: vrchain cluster put LEDGER")
             Ledger.adopt(folder, first[0]).close()
+        with storage_errors(f"writing to {folder}"):
+            (folder / OUTBOX_NAME).mkdir(exist_ok=True)  # who sees it writes nothing here alone
         made = cls(folder, True, _WAIT_S)
         made.log, made.sources, made.alarms = log, sources, []
         made._knows_log = False
