@@ -81,22 +81,29 @@ def _verify(
     retention = Retention()
     missing: dict[bytes, str] = {}  # what is wrong with a blob; a later drop excuses it
     try:
-        with storage_errors("reading the ledger"):
-            db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
-        if (large := oversized(db)) is not None:
-            return Verification(False, 0, large, f"a record of block {large} is too big to be read")
-        total = last_height(db) + 1
-        for entry in read_entries(db, 0, max(total, 1)):
-            state = follow(state, *entry) if state else begin(*entry)
-            for record in entry.records:
-                retention.take(record, height)
-                missing |= _missing(blobs, record)
-            known = known or entry.block.hash == expected_head
-            height += 1
-            progress(height, total)
+        while True:
+            with storage_errors("reading the ledger"):
+                db.rollback()
+                db.execute("BEGIN")  # one snapshot, whatever others write meanwhile
+            if (large := oversized(db)) is not None:
+                why = f"a record of block {large} is too big to be read"
+                return Verification(False, 0, large, why)
+            total, known_blocks = last_height(db) + 1, height
+            for entry in read_entries(db, height, max(total, 1)):
+                state = follow(state, *entry) if state else begin(*entry)
+                for record in entry.records:
+                    retention.take(record, height)
+                    missing |= _missing(blobs, record)
+                known = known or entry.block.hash == expected_head
+                height += 1
+                progress(height, total)
+            kept = retention.kept
+            unexcused = [(kept[blob], why) for blob, why in missing.items() if blob in kept]
+            if not unexcused or height == known_blocks:
+                break  # else a drop that was written since may excuse it
     except LedgerError as error:
         return _bad(height, str(error))
-    if unexcused := [(retention.kept[b], why) for b, why in missing.items() if b in retention.kept]:
+    if unexcused:
         return _bad(*min(unexcused))
     if not known:
         return _bad(height, "the known head is not in the chain: its end was cut off or rewritten")

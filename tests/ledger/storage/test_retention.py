@@ -46,6 +46,18 @@ def test_a_blob_removed_without_a_record_is_found(tmp_path: Path) -> None:
         assert found.first_bad_block is not None
 
 
+def test_a_drop_beside_a_verification_is_no_damage(folder: Path) -> None:
+    """Blobs go while their records are read, and the drop's own is in no snapshot of before."""
+
+    def dropping(done: int, total: int) -> None:
+        if done == 1:
+            with Ledger.open(folder, writable=True) as ledger:
+                ledger.drop_old(1, OPERATOR_KEY, 100)
+
+    found = verify(folder, progress=dropping)
+    assert found.ok and found.dropped > 0 and found == verify(folder)
+
+
 def test_what_is_published_again_after_a_drop_must_be_there(folder: Path) -> None:
     with Ledger.open(folder, writable=True) as ledger:
         ledger.drop_old(1, OPERATOR_KEY, 60)
