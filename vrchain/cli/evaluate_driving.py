@@ -83,7 +83,7 @@ def navigation(
         int, typer.Option(min=0, help="How many of the others publish what is not so.")
     ] = 0,
     lie: Annotated[
-        str, typer.Option(help="odometry, elsewhere, old, photograph, twins or nothing.")
+        str, typer.Option(help="odometry, still, elsewhere, old, photograph, twins or nothing.")
     ] = "odometry",
     no_reputation: Annotated[
         bool, typer.Option("--no-reputation", help="Every robot is believed how it moved.")

@@ -81,6 +81,12 @@ def test_who_lies_of_its_way_is_as_far_as_it_says(tmp_path: Path) -> None:
     assert max(apart) > 1.0
 
 
+def test_who_says_that_it_stood_still_shows_what_it_saw(tmp_path: Path) -> None:
+    told, honest = drive("still", tmp_path), drive(None, tmp_path)
+    assert told.digests == honest.digests and len(told.digests) >= 3
+    assert not any(np.hypot(*m.xy_m) for m in told.moved if m)
+
+
 def test_what_is_shown_is_not_what_was_seen(tmp_path: Path) -> None:
     honest = drive(None, tmp_path)
     for kind in ("elsewhere", "old", "photograph"):
@@ -149,7 +155,7 @@ def test_lies_that_there_are_not() -> None:
     for bad in ({"liars": -1}, {"lie": "white"}):
         with pytest.raises(MissionError, match="0 liars or more"):
             Conditions(**bad)
-    assert set(LIES) == {"odometry", "elsewhere", "old", "photograph", "twins", "nothing"}
+    assert set(LIES) == {"odometry", "still", "elsewhere", "old", "photograph", "twins", "nothing"}
 
 
 def test_who_drives_does_not_lie(tmp_path: Path) -> None:

@@ -51,6 +51,27 @@ def test_who_lies_is_not_believed_and_the_others_are(seed: int) -> None:
         assert all(told[f"R{k + 1}"] > 0.8 for k in range(liars, 5))
 
 
+@pytest.mark.parametrize("step_m", [0.0, 0.3, 60.0])
+def test_who_says_that_it_stood_still_or_leapt_is_not_believed(step_m: float) -> None:
+    """Such ways are followed as others are, so they are tested as others are."""
+    for seed in range(4):
+        poses, (own, *others) = team(seed=seed)
+        said = tuple((name, Pose(step_m * n, 0.0)) for n, (name, _) in enumerate(own))
+        told = reputations(poses, [said, *others])
+        assert told.pop("R1") < 0.5 and min(told.values()) > 0.8
+
+
+def test_one_panorama_convicts_nobody_whatever_it_was_joined_to() -> None:
+    """Such as one that is forged from two places."""
+    poses, tracks = team(robots=2, joined=1.0)
+    (witness, _), forged = tracks[1][0], Pose(30.0, -9.0, 2.0)
+    only = {pair: known for pair, known in poses.items() if witness in pair}
+    for k, pair in enumerate(only):
+        if k % 2:
+            only[pair] = RelativePose(forged, 0.99)
+    assert reputations(only, tracks)["R1"] == 1.0
+
+
 def test_one_mistake_convicts_nobody() -> None:
     """Two joins between two robots, of which one is wrong: who is to say which?"""
     poses, tracks = team(robots=2, joined=1.0)

@@ -28,7 +28,8 @@ _CLEARANCE_M = 1.0
 def lie(kind: str, simulator: Simulator, robot: str, seed: int) -> Told:
     """What such a robot makes of an observation before it publishes it; MissionError: no such lie.
 
-    odometry: it moved another way than it did, as far. elsewhere: panoramas of any other place.
+    odometry: it moved another way than it did, as far. still: it has not moved, as with broken
+    encoders. elsewhere: panoramas of any other place.
     old: its first panorama, again and again. photograph: all around one picture, as before a
     photograph. twins: what is seen from the same side of a twin of what stands nearest, of all that
     have one; the truth where none fits. nothing: it publishes nothing.
@@ -51,6 +52,10 @@ def _odometry(simulator: Simulator, robot: str, draws: np.random.Generator) -> T
         return replace(seen, odometry=told)
 
     return tell
+
+
+def _still(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told:
+    return lambda seen: replace(seen, odometry=Pose(0.0, 0.0))
 
 
 def _elsewhere(simulator: Simulator, robot: str, draws: np.random.Generator) -> Told:
@@ -145,6 +150,7 @@ def _nothing(simulator: Simulator, robot: str, draws: np.random.Generator) -> To
 
 LIES: dict[str, Callable[[Simulator, str, np.random.Generator], Told]] = {
     "odometry": _odometry,
+    "still": _still,
     "elsewhere": _elsewhere,
     "old": _old,
     "photograph": _photograph,
