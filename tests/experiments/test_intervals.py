@@ -16,11 +16,19 @@ def test_sums_are_by_suburb_and_none_is_left_out() -> None:
 
 
 def test_a_share_lies_in_its_interval_and_the_interval_in_the_suburbs() -> None:
-    top, bottom = np.array([1.0, 5.0, 9.0]), np.array([10.0, 10.0, 10.0])
-    found = ratio("share", top, bottom, resampled(3, 0, "test"))
+    top, bottom = np.array([1.0, 3.0, 5.0, 7.0, 9.0]), np.full(5, 10.0)
+    found = ratio("share", top, bottom, resampled(5, 0, "test"))
     low, high = found["share_ci"]
     assert found["share"] == 0.5 and 0.1 <= low < 0.5 < high <= 0.9
-    assert ratio("share", top, bottom, resampled(3, 0, "test")) == found
+    assert ratio("share", top, bottom, resampled(5, 0, "test")) == found
+
+
+def test_of_two_suburbs_the_interval_reaches_beyond_both() -> None:
+    found = ratio("x", np.array([2.0, 3.0]), np.ones(2), resampled(2, 0, "test"))
+    low, high = found["x_ci"]
+    assert low == 0.0 and high > 6.0  # 2.5 and 12.7 standard errors of 0.5; none is below 0
+    low, high = share("x", np.array([9.0, 10.0]), np.full(2, 10.0), resampled(2, 0, "test"))["x_ci"]
+    assert low < 0.5 and high == 1.0
 
 
 def test_nothing_to_divide_by_is_no_share() -> None:
@@ -47,14 +55,15 @@ def test_who_has_nothing_to_divide_by_counts_for_what_there_is_to_divide() -> No
     assert (low, high) == pytest.approx((10 / 9, 5.0), abs=0.01)
 
 
-def test_intervals_hold_the_truth_nearly_as_often_as_they_say() -> None:
-    """Means of ten: a bootstrap's own percentiles hold it in nine cases of ten."""
-    draws, one = np.random.default_rng(0), np.ones(10)
+@pytest.mark.parametrize("n", [2, 3, 4, 10])
+def test_intervals_hold_the_truth_nearly_as_often_as_they_say(n: int) -> None:
+    """Means of ten: a bootstrap's own percentiles hold it in nine cases of ten, of two in five."""
+    draws, one = np.random.default_rng(0), np.ones(n)
     held = 0
     for k in range(400):
-        low, high = ratio("x", draws.normal(size=10), one, resampled(10, k % 20, "test"))["x_ci"]
+        low, high = ratio("x", draws.normal(size=n), one, resampled(n, k % 20, "test"))["x_ci"]
         held += low <= 0 <= high
-    assert 0.92 < held / 400 < 0.97
+    assert 0.91 < held / 400 < 0.98
 
 
 @pytest.mark.parametrize(("hits", "low", "high"), [(10, 0.692, 1.0), (0, 0.0, 0.308)])
@@ -65,7 +74,7 @@ def test_all_or_none_of_ten_is_no_certainty(hits: int, low: float, high: float) 
 
 
 def test_a_share_of_some_is_a_ratio() -> None:
-    top, bottom, again = np.array([1.0, 2.0, 2.0]), np.full(3, 2.0), resampled(3, 0, "test")
+    top, bottom, again = np.array([1.0, 2, 2, 2, 1]), np.full(5, 2.0), resampled(5, 0, "test")
     assert share("x", top, bottom, again) == ratio("x", top, bottom, again)
     assert share("x", 0 * top, 0 * top, again) == {"x": None, "x_ci": None}
 
