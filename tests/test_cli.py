@@ -473,6 +473,10 @@ def test_a_database_of_ours_and_back(here: Here, refused: Refused, tmp_path: Pat
     new = tmp_path / "new"
     assert "choose another -o" in refused("panorama", "import-database", out, "-o", out)
     assert "not empty" in refused("panorama", "import-database", out, "-o", tmp_path / "a")
+    (out / "vrchain-database.txt").rename(tmp_path / "kept")  # as somebody else's
+    for own in (("import-database", again), ("export-database", tmp_path / "a")):
+        assert "nothing of yours is lost" in refused("panorama", *own, "-o", out)
+    (tmp_path / "kept").rename(out / "vrchain-database.txt")
     assert "found 0 CSV" in refused("panorama", "import-database", tmp_path / "a", "-o", new)
     assert "math or compass" in refused(
         "panorama", "import-database", out, "-o", new, "--headings", "up"

@@ -53,5 +53,9 @@ class BagError(VRChainError):
     """A bag cannot be read, or a robot in it lacks what a panorama needs."""
 
 
+class WorkerError(VRChainError):
+    """One of several processes that share out work was ended."""
+
+
 class LedgerError(VRChainError):
     """Base of the ledger's own errors."""

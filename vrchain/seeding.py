@@ -17,10 +17,14 @@ def generator(seed: int, *names: str | int) -> np.random.Generator:
 
     SeedError for what is no whole number.
     """
-    try:
-        whole = index(seed)
-    except TypeError:
-        raise SeedError(f"expected a seed that is a whole number, got {seed!r}") from None
-    key = "/".join([str(whole), *map(str, names)])
+    key = "/".join([str(whole(seed)), *map(str, names)])
     entropy = int.from_bytes(hashlib.sha256(key.encode()).digest(), "big")
     return np.random.Generator(np.random.PCG64(entropy))
+
+
+def whole(seed: int) -> int:
+    """The seed as an int. SeedError for what is no whole number."""
+    try:
+        return index(seed)
+    except TypeError:
+        raise SeedError(f"expected a seed that is a whole number, got {seed!r}") from None

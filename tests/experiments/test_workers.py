@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from worlds import ROOT
 
-from vrchain.errors import MissionError
+from vrchain.errors import MissionError, WorkerError
 from vrchain.experiments.workers import each
 
 
@@ -54,6 +54,15 @@ def test_a_failure_is_told_and_ends_all(jobs: int, tmp_path: Path) -> None:
         each(partial(fail, tmp_path), range(6), jobs, "numbers")
     assert time.monotonic() - begun_s < 90  # nobody sleeps on
     assert len(list(tmp_path.iterdir())) < 5
+
+
+def die(number: int) -> None:
+    os.kill(os.getpid(), signal.SIGKILL)
+
+
+def test_a_process_that_is_killed_is_told_in_a_line() -> None:
+    with pytest.raises(WorkerError, match=r"ended from outside.*--jobs 1"):
+        each(die, range(2), 2, "numbers")
 
 
 def test_nothing_temporary_is_left_of_what_was_broken_off(tmp_path: Path) -> None:

@@ -10,6 +10,7 @@ from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.simulation.collision_free import FreeSpace
 from vrchain.simulation.goals import (
     GOAL_PICTURES,
+    _off,
     goal_ids,
     goal_poses,
     pictured_share,
@@ -104,3 +105,11 @@ def test_walls_farther_away_all_around_are_pictured_from_their_middle() -> None:
     scene = worlds.world(replace(walls, outline=shapely.box(-18, -18, 18, 18).exterior))
     poses = goal_poses(scene, GroundTruth(scene), scene.index_of("walls"), 0)
     assert [tuple(pose.xy_m) for pose in poses] == [(0, 0)] * GOAL_PICTURES
+
+
+def test_a_lamp_whose_arm_reaches_far_is_pictured_from_off_its_foot() -> None:
+    """As it was met: the middle of such a lamp is farther from its foot than the foot is wide."""
+    foot, centre, outward = shapely.Point(0, 0).buffer(0.1), np.array([1.0, 0.0]), np.array([-1, 0])
+    for side_m in (1.5, 3.0, 6.0):
+        stand = _off(foot, centre, outward, side_m)
+        assert shapely.distance(foot, shapely.Point(stand)) == pytest.approx(side_m, abs=1e-6)

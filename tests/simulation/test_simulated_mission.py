@@ -22,6 +22,7 @@ from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import MissionConfig, Published
 from vrchain.panorama import CameraRig
 from vrchain.paths import SCENES
+from vrchain.robot import MAX_SPEED_M_S
 from vrchain.simulation import mission
 from vrchain.simulation.mission import MARKER, MissionRun, save_log
 from vrchain.simulation.simulator import Simulator
@@ -77,9 +78,12 @@ def test_the_log_can_be_stored(driven: tuple[MissionRun, Path], tmp_path: Path) 
     table = run.log()
     assert list(table.what) == [d.what for d in run.result.decisions]
     assert table.time_s.is_monotonic_increasing
-    way_m = sum(math.dist(a, b) for a, b in pairwise(run.paths_xy_m["R1"]))
+    places = zip(run.times_s, run.paths_xy_m["R1"], strict=True)
+    since_s = run.times_s[-1] - run.seconds - 0.01
+    way_m = sum(math.dist(a, b) for a, b in pairwise(xy for t, xy in places if t >= since_s))
     assert summary["driven_m"] == pytest.approx(way_m, abs=0.01)
     assert way_m > run.task.places["R1"].distance_to_m(run.final_pose.xy_m) > 1.0
+    assert way_m <= MAX_SPEED_M_S * run.seconds + 0.01
     mission_s = table.time_s.iloc[-1] - table.time_s.iloc[0]
     assert mission_s <= summary["simulated_s"] + 0.1 <= SHORT.limit_s + 1
 

@@ -44,6 +44,7 @@ def test_clearance_is_the_distance_to_the_nearest_solid() -> None:
     assert np.allclose(clearance, [4.0, 0.0, 2.0, 9.0], atol=1e-5)
     free = scene.is_free([(0, 0), (5, 0), (5, 0.8), (9.8, 9), (-5, 0)])
     assert free.tolist() == [True, False, False, False, True]
+    assert scene.is_free([]).shape == scene.clearance_m([]).shape == (0,)
 
 
 @pytest.mark.parametrize(

@@ -117,7 +117,20 @@ def test_a_bad_value_is_named_with_what_is_allowed(
     ("words", "texts"),
     [
         ("expected keys and values", ["", "- 1\n- 2", "just words", "7"]),
-        ("not valid YAML", ["a: [1, 2", "a: b: c", "\tx: 1", "!!python/object:os.system {}"]),
+        (
+            "not valid YAML",
+            [
+                "a: [1, 2",
+                "a: b: c",
+                "\tx: 1",
+                "!!python/object:os.system {}",
+                "name: 2026-02-30",
+                "seed: " + "1" * 5000,
+                "twins: !!float x",
+                "name: !!bool x",
+                "name: " + "[" * 3000,
+            ],
+        ),
     ],
 )
 def test_what_is_no_plain_mapping_is_refused_in_one_line(

@@ -212,6 +212,7 @@ def import_database(
     """
     from vrchain.panorama.databases import (
         ENTRIES,
+        MADE,
         height_of,
         on_floor,
         opened,
@@ -222,7 +223,7 @@ def import_database(
     entries = on_floor(read_database(folder, headings), floor)
     if output.resolve() == folder.resolve() or folder.resolve().is_relative_to(output.resolve()):
         raise OutputError(f"the database lies in {output}: choose another -o")
-    check_output_folder(output, ENTRIES)
+    check_output_folder(output, MADE)
     source = _source(
         model=model,
         field_of_view_deg=field_of_view,
@@ -234,7 +235,7 @@ def import_database(
         columns=columns,
     )
     upsampled = [1.0]
-    with output_folder(output, ENTRIES) as scratch, doing(f"importing {folder}"):
+    with output_folder(output, MADE) as scratch, doing(f"importing {folder}"):
         write_database(scratch, opened(entries, source, upsampled))
     print(f"wrote {output}: {len(entries)} panoramas with their positions, {ENTRIES}, poses.csv")
     _say_upsampled(max(upsampled))
@@ -252,13 +253,13 @@ def export_database(
     Brains on Board's format and a plain CSV; the panoramas themselves lie whole beside them.
     """
     from vrchain.panorama import Panorama
-    from vrchain.panorama.databases import ENTRIES, entry_of, write_database
+    from vrchain.panorama.databases import ENTRIES, MADE, entry_of, write_database
 
     if any(own.resolve().is_relative_to(output.resolve()) for own in panoramas):
         raise OutputError(f"a panorama to export lies in {output}: choose another -o")
-    check_output_folder(output, ENTRIES)
+    check_output_folder(output, MADE)
     entries = [entry_of(own) for own in panoramas]
-    with output_folder(output, ENTRIES) as scratch:
+    with output_folder(output, MADE) as scratch:
         write_database(scratch, ((entry, Panorama.load(entry.file)) for entry in entries))
     print(f"wrote {output}: {len(entries)} panoramas with their positions, {ENTRIES}, poses.csv")
 

@@ -5,6 +5,7 @@ import signal
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
 from threading import Thread
@@ -13,6 +14,7 @@ from typing import Any, TypeVar
 from tqdm.auto import tqdm
 
 from vrchain.allocator import keep_freed_memory
+from vrchain.errors import WorkerError
 
 MOST = 4  # processes, if nobody says how many: each holds a scene
 # For each of several processes that share the cores: more threads would wait for one another.
@@ -52,6 +54,11 @@ def each(
             ):
                 done.result()
             return [done.result() for done in begun]
+        except BrokenProcessPool:
+            raise WorkerError(
+                f"one of {jobs} processes was ended from outside, perhaps for want of memory; what "
+                "was done is kept where results are: run it again, with --jobs 1"
+            ) from None
         except BaseException:
             for process in active_children():
                 process.terminate()

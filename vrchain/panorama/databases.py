@@ -37,6 +37,7 @@ __all__ = [
 ]  # fmt: skip
 
 ENTRIES, METADATA = "database_entries.csv", "database_metadata.yaml"  # Brains on Board
+MADE = "vrchain-database.txt"  # marks a database as ours, which may be replaced
 TOUR = "zind_data.json"
 _PLAIN = ("filename", "x_m", "y_m", "heading_deg")
 _BOB = ("Filename", "X [mm]", "Y [mm]", "Heading [degrees]")
@@ -101,6 +102,7 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
     with (folder / "poses.csv").open("w", newline="") as file:
         plain = [[row[4], row[0] / 1e3, row[1] / 1e3, row[3]] for row in rows]
         csv.writer(file, lineterminator="\n").writerows([_PLAIN, *plain])
+    (folder / MADE).write_text("Written by vrchain: to be replaced as a whole.\n")
     (folder / METADATA).write_text(
         "%YAML:1.0\n---\nmetadata:\n"
         f"   type: {'grid' if on_grid else 'route'}\n"

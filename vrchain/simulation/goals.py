@@ -138,7 +138,8 @@ def _off(footprint: shapely.Geometry, centre: Points, outward: Points, side_m: f
     if too_far_m(0.0) >= 0:  # amidst walls that are as far all around
         return centre
     x0, y0, x1, y1 = footprint.bounds
-    most_m = float(np.hypot(x1 - x0, y1 - y0)) + side_m
+    beside_m = too_far_m(0.0) + side_m  # the foot of a lamp with an arm is not below its middle
+    most_m = float(np.hypot(x1 - x0, y1 - y0)) + side_m + beside_m
     return np.asarray(centre + brentq(too_far_m, 0.0, most_m) * outward)
 
 

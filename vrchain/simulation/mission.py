@@ -66,7 +66,8 @@ class MissionRun:
 
     def summary(self) -> dict:
         """The outcome as plain values."""
-        steps_m = np.diff(self.paths_xy_m[self.robot], axis=0)
+        sent = self.times_s >= self.times_s[-1] - self.seconds - 1e-6  # before, all drove out
+        steps_m = np.diff(self.paths_xy_m[self.robot][sent], axis=0)
         return {
             "robot": self.robot,
             "goal": self.task.goal,
@@ -128,6 +129,7 @@ def send(
     """Send a robot, whose team is at its places, to the goal by what the ledger holds."""
     simulator, task, pictures = outset
     scene, started_ns = simulator.scene, simulator.clock_ns
+    bumped = simulator.collisions(robot)
     published, index = published_of(ledger, robot), index_of(ledger, perception)
     panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
     share = pictured_share(scene, task.goal, task.goal_poses)
@@ -140,7 +142,7 @@ def send(
     return MissionRun(
         scene, task, robot, result, tuple(pictures), panoramas,
         {n: simulator.path_xy_m(n) for n in simulator.robots}, simulator.times_s, pose,
-        result.arrived and at_goal, range_m, simulator.collisions(robot),
+        result.arrived and at_goal, range_m, simulator.collisions(robot) - bumped,
         (simulator.clock_ns - started_ns) / 1e9, ledger.head.hash.hex(),
     )  # fmt: skip
 

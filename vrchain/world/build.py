@@ -46,7 +46,7 @@ def load_scene(path: str | Path, *, seed: int | None = None, strict: bool = Fals
     if Path(path).suffix.lower() in gazebo.SUFFIXES:
         return gazebo.load_world(path, strict=strict)
     spec = load_spec(path)
-    return build_scene(spec if seed is None else replace(spec, seed=int(seed)))
+    return build_scene(spec if seed is None else replace(spec, seed=seeding.whole(seed)))
 
 
 def build_scene(spec: SceneSpec) -> Scene:

@@ -213,7 +213,7 @@ class Scene:
 
     def clearance_m(self, points_xy_m: ArrayLike) -> NDArray[np.float64]:
         """Distance of points, (n, 2), to the nearest solid footprint: (n,) float, 0 inside."""
-        points = shapely.points(np.atleast_2d(np.asarray(points_xy_m, dtype=float)))
+        points = shapely.points(np.asarray(points_xy_m, dtype=float).reshape(-1, 2))
         _, tree = self._solids
         nearest, distance = tree.query_nearest(points, return_distance=True, all_matches=False)
         clearance = np.full(len(points), np.inf)
@@ -224,7 +224,7 @@ class Scene:
         self, points_xy_m: ArrayLike, radius_m: float = ROBOT_RADIUS_M
     ) -> NDArray[np.bool_]:
         """Whether a robot of ``radius_m`` fits at points, (n, 2) float, on the map: (n,) bool."""
-        points = np.atleast_2d(np.asarray(points_xy_m, dtype=float))
+        points = np.asarray(points_xy_m, dtype=float).reshape(-1, 2)
         half = np.array(self.extent_m) / 2 - radius_m
         on_map = (np.abs(points) <= half).all(axis=1)
         return on_map & (self.clearance_m(points) > radius_m)
@@ -246,7 +246,7 @@ def check_on_map(pose: Pose, extent_m: tuple[float, float]) -> None:
     """Raise PoseError unless ``pose`` is one, in radians, on a map of that size (x, y)."""
     try:
         finite = bool(np.isfinite([pose.x_m, pose.y_m, pose.yaw_rad]).all())
-    except (AttributeError, TypeError):
+    except (AttributeError, TypeError, ValueError):
         finite = False
     if not finite:
         raise PoseError(

@@ -3,7 +3,6 @@
 A field's allowed range stands beside its default, and error messages quote it.
 """
 
-import math
 from dataclasses import Field, dataclass, field, fields, is_dataclass
 from pathlib import Path
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
@@ -156,8 +155,8 @@ def load_spec(path: str | Path) -> SceneSpec:
         ) from None
     except (OSError, UnicodeDecodeError) as error:
         raise SpecError(f"cannot read {path} as a scene file: {error}") from error
-    except yaml.YAMLError as error:
-        reason = " ".join(str(error).split())
+    except (yaml.YAMLError, ValueError, KeyError, OverflowError, RecursionError) as error:
+        reason = " ".join(str(error).split())  # PyYAML raises all of these
         raise SpecError(f"{path} is not valid YAML: {reason}") from error
     if not isinstance(document, dict):
         found = "nothing" if document is None else f"a {type(document).__name__}"
@@ -229,6 +228,6 @@ def _number(value: Any, kind: type, low: float, high: float, key: str) -> Any:
     accepted = (int,) if kind is int else (int, float)
     if type(value) not in accepted:  # a bool is an int to isinstance
         raise SpecError(f"{key}: expected {word} in {low:g}..{high:g}, got {value!r}")
-    if not math.isfinite(value) or not low <= value <= high:
+    if not low <= value <= high:  # nor is NaN
         raise SpecError(f"{key}: {value!r} is not allowed, give {word} in {low:g}..{high:g}")
     return kind(value)
