@@ -1,5 +1,6 @@
 """The steps of a notebook: as the modules do them that they call, of whatever they are given."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -39,6 +40,20 @@ def test_panoramas_folders_and_photographs_are_compared(tmp_path: Path) -> None:
         photographs.judged(vr.GroundTruth(yard()), POSES)
     with pytest.raises(ImageError, match="got one of each"):
         vr.common_landmarks(a, tmp_path / "b.png")
+
+
+def test_what_has_nothing_in_common_is_judged_in_the_same_columns() -> None:
+    a, b = (look(pose) for pose in POSES)
+    found = vr.common_landmarks(a, b, "sift")
+    nothing = replace(found, comparison=replace(found.comparison, common=()))
+    some, none = (each.judged(vr.GroundTruth(yard()), POSES) for each in (found, nothing))
+    assert len(some) == len(found.claims) and none.empty
+    assert list(none.columns) == list(some.columns)
+    kinds = ["right", "twin", "duplicate", "quality_m"]
+    assert none[kinds].dtypes.equals(some[kinds].dtypes)
+    left = none[~none.duplicate]
+    assert left.right.sum() == 0 and np.isnan(left.quality_m.median())
+    assert nothing.comparison.relative_pose is None and nothing.table().empty
 
 
 def test_why_tells_each_stage_of_panoramas_and_of_files(tmp_path: Path) -> None:

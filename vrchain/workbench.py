@@ -1,7 +1,7 @@
 """Steps of a notebook or a script, each in one call. The rest of the package does without them."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,7 +18,7 @@ from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.matching.common import check_comparable
 from vrchain.landmarks.matching.photos import FileComparison, landmarks_of_files
 from vrchain.landmarks.matching.variants import DEFAULT, variant_named
-from vrchain.landmarks.quality import judge
+from vrchain.landmarks.quality import Verdict, judge
 from vrchain.panorama import Panorama
 from vrchain.panorama.databases import on_floor, opened, read_database
 from vrchain.panorama.sources import Source
@@ -56,12 +56,14 @@ class CommonLandmarks(FileComparison):
     def judged(self, truth: GroundTruth, poses: tuple[Pose, Pose]) -> pd.DataFrame:
         """What truth says of each claim: the fields of ``landmarks.quality.Verdict``, a row each.
 
-        poses: from which the two panoramas were taken. ImageError for photographs.
+        poses: from which the two panoramas were taken. Without claims the columns stay.
+        ImageError for photographs.
         """
         if self.rig is None or self.keypoints is None:
             raise ImageError("expected panoramas of a scene, got photographs: no truth is known")
         verdicts = judge(self.comparison, truth, poses, self.keypoints, self.rig)
-        return pd.DataFrame(verdicts)
+        types = {field.name: field.type for field in fields(Verdict)}
+        return pd.DataFrame(verdicts, columns=list(types)).astype(types)
 
 
 def common_landmarks(

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import Any
 
 import IPython.display
+import numpy as np
 import pandas as pd
 import pytest
 from claims import claim, pair
@@ -139,6 +140,19 @@ def test_home_is_where_the_methods_say_it_is() -> None:
     assert "epipolar says: **this is home**" in play.at(east_m=0, turned_deg=0).says
     with pytest.raises(PlayError, match=r"expected method of epipolar, .*, got 'compass'"):
         play.at(method="compass")
+
+
+def test_in_the_barnyard_the_sliders_reach_behind_both_walls() -> None:
+    """The exercise of the homing notebook."""
+    barn, home = vr.load_scene(vr.SCENES / "barn.yaml"), vr.Pose(0.0, -12.0)
+    north = vr.play.homing(barn, home).controls["north_m"]
+    assert isinstance(north, Slider)
+    truth = vr.GroundTruth(barn)
+    for north_m in (north.low, north.high):
+        here = vr.Pose(home.x_m, home.y_m + north_m)
+        barn.check_pose(here)
+        hit, way = truth.cast(np.array([*here.xy_m, 1.0]), np.array([[0.0, -north_m, 0.0]]))
+        assert way.item() < 1 and barn.objects[hit.item()].kind == "wall"
 
 
 SEEN = Sightings(

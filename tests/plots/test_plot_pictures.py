@@ -79,7 +79,9 @@ def test_claims_as_a_table() -> None:
     table = claims_table([claim(0.5, 0.9)])
     assert table.a_bearing_rad.item() == 0.5 and table.matches.item() == 6
     assert list(table[["b_x0_px", "b_y0_px", "b_x1_px", "b_y1_px"]].iloc[0]) == [40, 30, 60, 50]
-    assert claims_table([]).empty
+    none = claims_table([])
+    assert none.empty and list(none.columns) == list(table.columns)
+    assert none[["number", "score", "a_bearing_rad"]].head(5).round(2).empty
 
 
 def test_pictures_of_panoramas() -> None:

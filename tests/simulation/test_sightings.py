@@ -37,6 +37,12 @@ def test_labels_name_the_pair_and_tell_several_apart() -> None:
     common = {("R1", "R2"): ("a",), ("R2", "R3"): ("a", "b", "c")}
     labels = Sightings({}, common).labels()
     assert labels == {"a": "L12", "b": "L23b", "c": "L23c"}
+    many = {("R1", "R12"): tuple(map(str, range(30))), ("R11", "R2"): ("x",)}
+    found = Sightings({}, many).labels()
+    assert [found[k] for k in ("0", "25", "26", "29", "x")] == [
+        "L1-12a", "L1-12z", "L1-12aa", "L1-12ad", "L11-2",
+    ]  # fmt: skip
+    assert len(set(found.values())) == 31
 
 
 def test_the_table_has_a_row_for_each_robot_and_landmark(divided: Scene) -> None:

@@ -152,6 +152,17 @@ def test_more_than_fits_on_one_shelf() -> None:
             assert np.array_equal(texel(inside, u, v, corner), expected)
 
 
+def test_more_than_a_driver_takes_is_another_atlas(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As it was met: four pictures of 4096 px a side were a texture that no driver took."""
+    monkeypatch.setattr(atlas, "_MOST_PX", 100)
+    surfaces = [square(texture(f"{k}", 10 + k, 900), x_m=k) for k in range(25)]
+    packed = pack(surfaces)
+    assert len(packed) == 2 and all(p.texture.shape[0] <= 100 for p in packed)
+    assert sum(len(p.faces) for p in packed) == sum(len(s.faces) for s in surfaces)
+    one = pack([square(texture("a", 200, 900)), square(texture("b", 200, 900), x_m=1)])
+    assert [p.texture.shape[0] for p in one] == [216, 200]  # one at least
+
+
 @pytest.mark.parametrize("n", [0, 1])
 def test_there_is_nothing_to_pack(n: int) -> None:
     surfaces = [square(texture("only"))] * n

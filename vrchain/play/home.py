@@ -15,7 +15,7 @@ from vrchain.plots.style import BLUE, GREY, RED, panels, robot_colour
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 
-_REACH_M, _ARROW_M = 8, 2.0
+_REACH_M, _ARROW_M = 12, 2.0
 
 
 def homing(scene: Scene, home: Pose, rig: CameraRig = SMALL) -> Play:

@@ -16,6 +16,8 @@ from vrchain.plots.style import CLAIMS_TOLD_APART, claim_colour, outline, panels
 from vrchain.seeding import generator
 
 _APART = 0.03  # of the picture's width, between two landmarks that are drawn
+_SIDE = ("view", "x0_px", "y0_px", "x1_px", "y1_px", "bearing_rad", "angular_size_rad")
+_CLAIM = ["number", "score", "matches", *(f"{side}_{name}" for side in "ab" for name in _SIDE)]
 
 
 def panorama_strip(panoramas: dict[str, Panorama]) -> Figure:
@@ -122,22 +124,17 @@ def common_landmarks_figure(
 
 
 def claims_table(claims: Sequence[CommonLandmark]) -> pd.DataFrame:
-    """Common landmarks as rows: score, matches, and each side's view, box, bearing and size."""
-    rows = []
+    """Common landmarks as rows: score, matches, and each side's view, box, bearing and size.
+
+    Without claims the columns stay.
+    """
+    rows: list[list[float | None]] = []
     for number, claim in enumerate(claims, 1):
-        row: dict[str, object] = {
-            "number": number,
-            "score": claim.score,
-            "matches": claim.matches,
-        }
-        for side, region in (("a", claim.a), ("b", claim.b)):
-            row[f"{side}_view"] = region.view
-            for edge, px in zip(("x0", "y0", "x1", "y1"), region.box_px, strict=True):
-                row[f"{side}_{edge}_px"] = px
-            row[f"{side}_bearing_rad"] = region.bearing_rad
-            row[f"{side}_angular_size_rad"] = region.angular_size_rad
+        row: list[float | None] = [number, claim.score, claim.matches]
+        for region in (claim.a, claim.b):
+            row += [region.view, *region.box_px, region.bearing_rad, region.angular_size_rad]
         rows.append(row)
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=_CLAIM, dtype=None if rows else float)
 
 
 def region_box(region: Region, rig: CameraRig | None) -> tuple[float, float, float, float]:

@@ -26,20 +26,26 @@ class Sightings:
     def labels(self) -> dict[str, str]:
         """Short names of the common landmarks, as the paper has them: L12, L23.
 
-        A letter tells several of one pair apart: L12a, L12b. One that several pairs share is known
-        by the first of them.
+        Letters tell several of one pair apart: L12a, L12b, after L12z L12aa. From ten robots on:
+        L1-12, L11-2. One that several pairs share is known by the first of them.
         """
         found: dict[str, str] = {}
         for (a, b), names in self.common.items():
             for k, name in enumerate(names):
-                letter = chr(ord("a") + k) if len(names) > 1 else ""
-                found.setdefault(name, f"L{a.lstrip('R')}{b.lstrip('R')}{letter}")
+                one, other = a.lstrip("R"), b.lstrip("R")
+                pair = f"{one}{other}" if len(one) == len(other) == 1 else f"{one}-{other}"
+                found.setdefault(name, f"L{pair}{_letters(k) if len(names) > 1 else ''}")
         return found
 
     def others(self, robot: str) -> list[str]:
         """The landmarks that a robot sees and has in common with no other."""
         shared = {n for pair, names in self.common.items() if robot in pair for n in names}
         return [n for n in self.visible[robot] if n not in shared]
+
+
+def _letters(k: int) -> str:
+    """a to z, then aa, ab, ..."""
+    return (_letters(k // 26 - 1) if k >= 26 else "") + chr(ord("a") + k % 26)
 
 
 def team_sightings(

@@ -10,6 +10,7 @@ from vrchain.world.model import Surface
 
 _GUTTER_PX = 8  # the edge texels go on this far, or coarse mipmaps would mix neighbours
 _WIDTH_PX = 8192
+_MOST_PX = 16384  # high: more is no texture to most drivers
 _EPSILON = 1e-3
 
 
@@ -65,6 +66,7 @@ def _pack_alike(joined: list[Joined]) -> list[Joined]:
         return joined
     single.sort(key=lambda s: -s.texture.shape[0])  # shelves waste least from tall to short
     corners, height_px = _shelves([s.texture.shape[:2] for s in single])
+    single, rest = single[: len(corners)], single[len(corners) :]
     atlas = np.zeros((height_px, _WIDTH_PX, single[0].texture.shape[2]), dtype=np.uint8)
     moved = []
     for surface, (row, column) in zip(single, corners, strict=True):
@@ -77,7 +79,8 @@ def _pack_alike(joined: list[Joined]) -> list[Joined]:
         v = 1 - (row + (1 - np.clip(surface.uv[:, 1], 0, 1)) * h) / height_px
         uv = np.stack([u, v], axis=1).astype(np.float32)
         moved.append(replace(surface, uv=uv, texture=atlas))
-    return [*repeating, replace(join(moved), owner=np.concatenate([s.owner for s in moved]))]
+    packed = replace(join(moved), owner=np.concatenate([s.owner for s in moved]))
+    return [*repeating, packed, *(_pack_alike(rest) if rest else [])]
 
 
 def sort_by_place(surface: Joined, cell_m: float = 16.0) -> tuple[Joined, NDArray[np.int64]]:
@@ -99,11 +102,17 @@ def _repeats(surface: Surface) -> bool:
 
 
 def _shelves(shapes: Sequence[tuple[int, int]]) -> tuple[list[tuple[int, int]], int]:
-    """Top left corner (row, column) of each picture, set in rows; and the height of it all."""
-    corners, row, column, shelf = [], 0, 0, 0
+    """Top left corner (row, column) of each picture, set in rows; and the height of it all.
+
+    Of as many as have room; of one at least.
+    """
+    corners: list[tuple[int, int]] = []
+    row = column = shelf = 0
     for h, w in shapes:
         if column + w + 2 * _GUTTER_PX > _WIDTH_PX:
             row, column, shelf = row + shelf, 0, 0
+        if corners and row + h + 2 * _GUTTER_PX > _MOST_PX:
+            break
         corners.append((row + _GUTTER_PX, column + _GUTTER_PX))
         column += w + 2 * _GUTTER_PX
         shelf = max(shelf, h + 2 * _GUTTER_PX)
