@@ -16,7 +16,7 @@ from vrchain.cli.options import Folder, Json, doing
 from vrchain.files import check_output_folder, output_folder
 from vrchain.ledger import OPERATOR, Ledger
 from vrchain.ledger.cluster.config import Node, Tls, Users, server_config
-from vrchain.ledger.cluster.servers import MARKER, Cluster
+from vrchain.ledger.cluster.servers import CONFIGURED, MARKER, Cluster
 from vrchain.ledger.errors import ClusterError, GapError, OvertakenError, UnavailableError
 from vrchain.ledger.export import entry_json
 from vrchain.ledger.network.connection import Connection, Servers
@@ -26,6 +26,7 @@ from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.opening import follow_servers, open_ledger
 from vrchain.ledger.network.stream import Stream, set_up
 from vrchain.ledger.network.watching import watched
+from vrchain.ledger.records.fields import check_name
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
 
 app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger.")
@@ -33,6 +34,7 @@ app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger
 T = TypeVar("T")
 
 _PORT, _ROUTE_PORT, _MONITOR_PORT = 4222, 6222, 8222
+_COUNTS = (1, 3, 5)  # of machines: one more than an odd number bears no more failures
 
 Home = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="The cluster's folder.")]
 Address = Annotated[
@@ -60,27 +62,29 @@ Anonymous = Annotated[
 @app.command()
 def up(
     output: Home,
-    nodes: Annotated[int, typer.Option(min=1, max=9, help="How many servers.")] = 3,
+    nodes: Annotated[int | None, typer.Option(min=1, max=9, help="How many servers [3].")] = None,
     ledger: OfLedger = None,
     maker: Makers = None,
     keys: Keys = None,
     simulated: Simulated = None,
-    host: Annotated[str, typer.Option(help="That they listen on.")] = "127.0.0.1",
+    host: Annotated[str | None, typer.Option(help="That they listen on [127.0.0.1].")] = None,
     as_json: Json = False,
 ) -> None:
     """Start servers on this machine, of which everything is in DIR; a cluster there goes on.
 
     They let in anyone on this machine, or the members of a ledger alone. They run on until
-    `vrchain cluster down`.
+    `vrchain cluster down`. Options that a cluster there was not made with are refused.
     """
+    there = Cluster.load(output) if (output / MARKER).exists() else None
+    if there is not None:
+        _check_same(there, output, nodes, ledger, maker, host)
     users, key = None, None
     if ledger is not None:
         with Ledger.open(ledger) as opened:
             users, key = _users(opened, maker), signer(opened, keys, OPERATOR, simulated)
-    if (output / MARKER).exists():
-        cluster = Cluster.load(output)
-    else:
-        cluster = Cluster.make(output, nodes, users, host)
+        if there is not None and not there.lets_in(users):
+            _refuse_others(output, "--ledger", "--maker")
+    cluster = there or Cluster.make(output, nodes or 3, users, host or "127.0.0.1")
     before = {node.name for node in cluster.nodes if cluster.process(node.name)}
     try:
         with doing(f"starting {len(cluster.nodes)} servers"):
@@ -97,7 +101,8 @@ def up(
 @app.command()
 def status(output: Home, as_json: Json = False) -> None:
     """What each server says of the ledger; exit status 1 when one is down or has lost blocks."""
-    rows = Cluster.load(output).status()
+    is_configured = (output / CONFIGURED).exists()
+    rows = Cluster.load(output, CONFIGURED if is_configured else MARKER).status()
     newest = max((row.get("block_last", 0) for row in rows), default=0)
     alarms = []
     for row in rows:
@@ -129,7 +134,7 @@ def down(output: Home, as_json: Json = False) -> None:
 def config(
     output: Folder,
     server: Annotated[
-        list[str], typer.Option(metavar="NAME=HOST", help="A machine; one for each, three or five.")
+        list[str], typer.Option(metavar="NAME=HOST", help="A machine: three, five, or one to try.")
     ],
     ledger: Annotated[Path, typer.Option(metavar="LEDGER", help="Whose members are let in.")],
     store: Annotated[Path, typer.Option(help="Folder on each machine for what it holds.")] = Path(
@@ -149,11 +154,20 @@ def config(
     named = [part.partition("=")[::2] for part in server]
     if not all(name and host for name, host in named) or len(dict(named)) != len(named):
         raise ClusterError(f"expected --server NAME=HOST, each name once, got {' '.join(server)}")
+    for name, _ in named:
+        check_name("--server", name)  # it names a file too
+    if len(named) not in _COUNTS:
+        raise ClusterError(f"expected three or five --server, or one to try, got {len(named)}")
     nodes = [Node(n, h, _PORT, _ROUTE_PORT, _MONITOR_PORT) for n, h in named]
-    check_output_folder(output, MARKER)
+    if (output / MARKER).exists():
+        raise ClusterError(
+            f"{output} holds the servers that vrchain cluster up made, which would be lost: "
+            "choose another -o"
+        )
+    check_output_folder(output, CONFIGURED)
     with Ledger.open(ledger) as opened:
         users = _users(opened, maker)
-    with output_folder(output, MARKER) as folder:
+    with output_folder(output, CONFIGURED) as folder:
         for node in nodes:
             at = certificates
             tls = (
@@ -162,7 +176,7 @@ def config(
             text = server_config(node, nodes, store, users, tls)
             (folder / f"{node.name}.conf").write_text(text)
         told = {"nodes": [vars(node) for node in nodes]}
-        (folder / MARKER).write_text(json.dumps(told, indent=2) + "\n")
+        (folder / CONFIGURED).write_text(json.dumps(told, indent=2) + "\n")
     scheme = "tls" if certificates else "nats"
     address = f"{scheme}://{','.join(node.address for node in nodes)}"
     result = {"address": address, "folder": str(output), "members": sorted(users.members)}
@@ -267,6 +281,33 @@ def watch(
                 if line not in told:
                     _say(as_json, result, line)
                     told.add(line)
+
+
+def _check_same(
+    there: Cluster,
+    output: Path,
+    nodes: int | None,
+    ledger: Path | None,
+    makers: list[str] | None,
+    host: str | None,
+) -> None:
+    """Refuse what cannot be asked of a cluster that is there; whose members, ``up`` looks at."""
+    anyone = there.lets_in(None)
+    others = {
+        "--nodes": nodes not in (None, len(there.nodes)),
+        "--ledger": ledger is not None and anyone,
+        "--maker": bool(makers) and (anyone or ledger is None),
+        "--host": host not in (None, there.nodes[0].host),
+    }
+    _refuse_others(output, *(option for option, is_other in others.items() if is_other))
+
+
+def _refuse_others(output: Path, *options: str) -> None:
+    if options:
+        raise ClusterError(
+            f"{output} holds a cluster that was made with other {', '.join(options)}: go on with "
+            "it as it is, or end it with vrchain cluster down and choose another -o"
+        )
 
 
 def _users(ledger: Ledger, makers: list[str] | None) -> Users:

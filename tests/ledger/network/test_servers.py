@@ -14,7 +14,7 @@ from pathlib import Path
 
 import pytest
 from clusters import PATIENCE_S, eventually, making, skip_without_servers
-from ledgers import KEYS, OPERATOR_KEY, small_ledger
+from ledgers import KEYS, OPERATOR_KEY, files, small_ledger
 from typer.testing import CliRunner
 
 from vrchain import extras
@@ -22,7 +22,7 @@ from vrchain.cli import app
 from vrchain.ledger import Ledger, errors, verify
 from vrchain.ledger.cluster import servers as module
 from vrchain.ledger.cluster.config import Users, server_config
-from vrchain.ledger.cluster.servers import MARKER, Cluster, find_server
+from vrchain.ledger.cluster.servers import CONFIGURED, MARKER, Cluster, find_server
 from vrchain.ledger.network.connection import Connection, Servers, nkey, token
 from vrchain.ledger.network.log import put
 from vrchain.ledger.network.opening import open_ledger
@@ -288,6 +288,10 @@ def test_the_commands_of_a_cluster(folder: Path, tmp_path: Path) -> None:
         assert json.loads(said("cluster", "up", "-o", where, "--json"))["address"] == address
         assert "put 6 blocks" in said("cluster", "put", folder, address, "--anonymous")
         assert "put 0 blocks" in said("cluster", "put", folder, address, "--anonymous")
+        assert "would be lost" in said(*configured(where, folder), status=1)
+        assert "made with other --nodes:" in said(
+            "cluster", "up", "-o", where, "--nodes", 5, status=1
+        )
         assert said("cluster", "status", "-o", where).count("block 5, ") == 3
         cluster = Cluster.load(where)
         cluster.stop("n2", number=signal.SIGKILL)
@@ -399,3 +403,121 @@ def test_the_configuration_of_real_servers(folder: Path, tmp_path: Path) -> None
     assert config["tls"]["cert_file"] == "/etc/vrchain/n2.crt"
     assert config["cluster"]["tls"]["verify"] and config["max_payload"] == 8 << 20
     assert len(config["accounts"]) == 4
+
+
+def configured(out: Path, ledger: Path, *servers: str) -> list[object]:
+    """The command that writes configurations, for three machines where nobody listens."""
+    servers = servers or tuple(f"n{k}=127.0.0.{k}" for k in (2, 3, 4))
+    words: list[object] = ["cluster", "config", "-o", out, "--ledger", ledger, "--maker", "R2"]
+    return words + [f"--server={server}" for server in servers]
+
+
+def test_config_leaves_a_cluster_s_folder_alone(folder: Path, tmp_path: Path) -> None:
+    """Its stores, logs and pid files were lost."""
+    cluster = Cluster.make(tmp_path / "servers")
+    for name in ("n1/jetstream/1.blk", "n1.pid", "n1.log"):
+        (cluster.folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (cluster.folder / name).write_text("kept")
+    (tmp_path / "link").symlink_to(cluster.folder)
+    before = files(tmp_path)
+    for out in (cluster.folder, tmp_path / "link"):
+        assert "choose another -o" in said(*configured(out, folder), status=1)
+        assert files(tmp_path) == before
+    assert Cluster.load(cluster.folder).nodes == cluster.nodes
+
+
+def test_up_and_down_leave_what_config_wrote_alone(folder: Path, tmp_path: Path) -> None:
+    """``status`` asks the machines; ``config`` again writes it anew."""
+    out = tmp_path / "out"
+    said(*configured(out, folder))
+    before = files(tmp_path)
+    assert set(files(out)) == {"n2.conf", "n3.conf", "n4.conf", CONFIGURED}
+    complaint = said("cluster", "up", "-o", out, status=1)
+    assert "wrote for other machines: choose another -o" in complaint
+    assert "expected a folder that vrchain cluster up" in said(
+        "cluster", "down", "-o", out, status=1
+    )
+    told = said("cluster", "status", "-o", out, status=1)
+    assert [f"n{k} does not answer" in told for k in (2, 3, 4)] == [True] * 3
+    assert files(tmp_path) == before
+    said(*configured(out, folder, "one=127.0.0.2"))
+    assert set(files(out)) == {"one.conf", CONFIGURED}
+    assert "cluster" not in json.loads((out / "one.conf").read_text())
+    (out / CONFIGURED).write_text("{")
+    told = said("cluster", "status", "-o", out, status=1)
+    assert "expected a folder that vrchain cluster config -o made" in told
+
+
+@pytest.mark.parametrize(
+    ("servers", "complaint"),
+    [
+        (["../a=h"], "expected 1 to 64 letters"),
+        (["n1=a", "n2=b", "{tmp}/n3=c"], "expected 1 to 64 letters"),
+        (["n1=a", "n2=b", ".n3=c"], "expected 1 to 64 letters"),
+        (["n1=a", "n2=b", "n 3=c"], "expected 1 to 64 letters"),
+        (["n1=a", "n2=b", "n2=c"], "each name once"),
+        (["n1=a", "n2=b", "n3"], "NAME=HOST"),
+        (["n1=a", "n2=b", "=c"], "NAME=HOST"),
+        (["n1=a", "n2=b"], "expected three or five --server, or one to try, got 2"),
+        ([f"n{k}=h{k}" for k in range(6)], "got 6"),
+    ],
+)
+def test_servers_that_cannot_be_configured(
+    servers: list[str], complaint: str, folder: Path, tmp_path: Path
+) -> None:
+    servers = [server.format(tmp=tmp_path) for server in servers]
+    earlier = tmp_path / "earlier"
+    said(*configured(earlier, folder))
+    before, names = files(tmp_path), sorted(tmp_path.iterdir())
+    for out in (earlier, tmp_path / "new"):
+        told = said(*configured(out, folder, *servers), status=1)
+        assert complaint in told and "\n" not in told
+        assert files(tmp_path) == before and sorted(tmp_path.iterdir()) == names
+
+
+@pytest.mark.parametrize(
+    ("words", "options"),
+    [
+        (["--nodes", "5"], "--nodes"),
+        (["--nodes", "3"], "--nodes"),  # what a new one has
+        (["--host", "127.0.0.2"], "--host"),
+        (["--ledger", "{ledger}"], "--ledger"),
+        (["--ledger", "{ledger}", "--maker", "R2", "--simulated", "0"], "--ledger, --maker"),
+        (["--maker", "R2"], "--maker"),
+        (["--nodes", "2", "--maker", "R2", "--host", "::1"], "--nodes, --maker, --host"),
+    ],
+)
+def test_a_cluster_that_is_there_gets_no_other_options(
+    words: list[str], options: str, folder: Path, tmp_path: Path
+) -> None:
+    cluster = Cluster.make(tmp_path / "servers", 1)
+    before = files(tmp_path)
+    words = [word.format(ledger=folder) for word in words]
+    told = said("cluster", "up", "-o", cluster.folder, *words, status=1)
+    assert f"was made with other {options}: " in told and "vrchain cluster down" in told
+    assert "\n" not in told and files(tmp_path) == before
+
+
+def test_a_cluster_of_members_goes_on_with_its_ledger_alone(folder: Path, tmp_path: Path) -> None:
+    skip_without_servers()
+    where = tmp_path / "servers"
+    up = ("cluster", "up", "-o", where, "--simulated", 0)
+    own = ("--ledger", folder, "--maker", "R2")
+    with Ledger.create(tmp_path / "other", {"R2": KEYS["R2"].public}, OPERATOR_KEY, name="other"):
+        pass
+    try:
+        address = json.loads(said(*up, *own, "--nodes", 1, "--json"))["address"]
+        before = {path.name: path.read_bytes() for path in where.glob("n1.[cp]*")}
+        assert set(before) == {"n1.conf", "n1.pid"}
+        for other in (("--ledger", folder, "--maker", "R1"), (*own, "--maker", "R1"),
+                      ("--ledger", tmp_path / "other", "--maker", "R2")):  # fmt: skip
+            assert "made with other --ledger, --maker: " in said(*up, *other, status=1)
+        assert "made with other --maker: " in said(*up, "--maker", "R2", status=1)
+        assert {path.name: path.read_bytes() for path in where.glob("n1.[cp]*")} == before
+        assert newest(address, key=OPERATOR_KEY, name="operator") == -1
+        said("cluster", "down", "-o", where)
+        for words in (own, (*own, "--nodes", 1, "--host", "127.0.0.1")):  # stopped, and running
+            assert json.loads(said(*up, *words, "--json"))["address"] == address
+    finally:
+        if (where / MARKER).exists():
+            Cluster.load(where).stop()

@@ -26,7 +26,8 @@ from vrchain.ledger.network.connection import OLDEST_SERVER, Connection, Servers
 from vrchain.ledger.network.stream import set_up
 from vrchain.ledger.records.keys import SigningKey
 
-MARKER = "cluster.json"
+MARKER = "cluster.json"  # of servers that run on this machine
+CONFIGURED = "configured.json"  # of configurations for other machines
 _PORTS = 10_000, 32_000
 _LOOK_S = 0.05
 _START_S = 60.0
@@ -77,6 +78,11 @@ class Cluster:
         cls, folder: Path, count: int = 3, users: Users | None = None, host: str = "127.0.0.1"
     ) -> "Cluster":
         """Write the configuration of ``count`` servers on free ports. OutputError, ClusterError."""
+        if (folder / CONFIGURED).exists():
+            raise ClusterError(
+                f"{folder} holds what vrchain cluster config wrote for other machines: "
+                "choose another -o"
+            )
         check_output_folder(folder, MARKER)
         if (folder / MARKER).exists():
             raise ClusterError(
@@ -94,20 +100,32 @@ class Cluster:
         return made
 
     @classmethod
-    def load(cls, folder: Path) -> "Cluster":
-        """The cluster that ``make`` or ``vrchain cluster config`` wrote. ClusterError."""
+    def load(cls, folder: Path, marker: str = MARKER) -> "Cluster":
+        """The cluster that ``make`` wrote, to start and end. ClusterError.
+
+        With CONFIGURED, the one that ``vrchain cluster config`` wrote: to look at.
+        """
         try:
-            told = json.loads((folder / MARKER).read_text(encoding="utf-8"))
+            told = json.loads((folder / marker).read_text(encoding="utf-8"))
             return cls(folder, [Node(**node) for node in told["nodes"]])
         except (OSError, ValueError, KeyError, TypeError):
+            command = "config" if marker == CONFIGURED else "up"
             raise ClusterError(
-                f"expected a folder that vrchain cluster up -o made, got {folder}"
+                f"expected a folder that vrchain cluster {command} -o made, got {folder}"
             ) from None
 
     @property
     def address(self) -> str:
         """What ``open_ledger`` takes."""
         return "nats://" + ",".join(node.address for node in self.nodes)
+
+    def lets_in(self, users: Users | None) -> bool:
+        """Whether the configurations let in just these, None for anyone; false if one is lost."""
+        accounts = users.accounts() if users else None
+        with contextlib.suppress(OSError, ValueError):
+            texts = [(self.folder / f"{node.name}.conf").read_text() for node in self.nodes]
+            return all(json.loads(text).get("accounts") == accounts for text in texts)
+        return False
 
     def start(self, *names: str) -> None:
         """Start these servers, or all; those that run are left alone. ClusterError."""
