@@ -93,7 +93,9 @@ def made_again(
     rows: pd.DataFrame, run: Callable[[str], Any] = printed_by, tell: Callable[[str], Any] = print
 ) -> pd.DataFrame:
     """Run the rows' commands, each once, and tell of each figure if it moved; the new rows."""
-    now, commit = datetime.now(UTC).date().isoformat(), _git("rev-parse", "--short", "HEAD")
+    now = datetime.now(UTC).date().isoformat()
+    # code that is in no commit leaves a "+", which a test of the table refuses
+    commit = _git("describe", "--always", "--exclude", "*", "--dirty=+")
     made = []
     for command, own in rows.groupby("command", sort=False):
         if not all(own["where"]):

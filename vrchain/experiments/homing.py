@@ -263,9 +263,9 @@ def _summary(made: pd.DataFrame) -> dict[str, object]:
         "n_starts": len(made),
         "n_clear": len(clear),
         **told.mean("angular_error_deg", made.error_deg, made.suburb),
-        **told.mean("return_ratio", clear.home, clear.suburb),
+        **told.mean("return_ratio", clear.home, clear.suburb, 1.0),
         **told.mean("catchment_m", places.catchment_m, places.suburb),
-        **told.mean("no_answer", ~made.answered, made.suburb),
+        **told.mean("no_answer", ~made.answered, made.suburb, 1.0),
         "angular_error_deg_median": float(made.error_deg.median()),
     }
 

@@ -27,10 +27,10 @@ def resampled(n: int, seed: int, what: str) -> NDArray[np.int64]:
     return generator(seed, "bootstrap", what).integers(n, size=(_RESAMPLED, n))
 
 
-def interval(drawn: Array, n: int) -> tuple[float, float]:
+def interval(drawn: Array, n: int, most: float = np.inf) -> tuple[float, float]:
     """The ends of the interval of a figure, (draws,), that was taken of each ``resampled`` n.
 
-    NaN: of one suburb alone nothing tells how they differ.
+    most: that it can be, 1 of shares. NaN: of one suburb alone nothing tells how they differ.
     """
     if n < 2:
         return float("nan"), float("nan")
@@ -38,24 +38,27 @@ def interval(drawn: Array, n: int) -> tuple[float, float]:
     if n < _FEW:
         middle, off = float(drawn.mean()), float(wider * drawn.std() * -stdtrit(n - 1, _TAIL))
         least = 0.0 if drawn.min() >= 0 else -np.inf
-        return max(least, middle - off), middle + off
+        return max(least, middle - off), min(most, middle + off)
     low = float(ndtr(wider * stdtrit(n - 1, _TAIL)))
     first, last = np.quantile(drawn, (low, 1 - low))
     return float(first), float(last)
 
 
-def ratio(name: str, top: Array, bottom: Array, again: NDArray[np.int64]) -> dict[str, object]:
+def ratio(
+    name: str, top: Array, bottom: Array, again: NDArray[np.int64], most: float = np.inf
+) -> dict[str, object]:
     """NAME: top over bottom, (suburbs,) each; NAME_ci: its interval; None: nothing to divide by.
 
     There is no interval either where suburbs do not tell it: one alone, all alike, or of some draws
-    something to divide and nothing to divide by. again: what ``resampled`` gave.
+    something to divide and nothing to divide by. again: what ``resampled`` gave; most: that it can
+    be, 1 of shares.
     """
     over, under = top[again].sum(axis=1), bottom[again].sum(axis=1)
     drawn, n = over[under > 0] / under[under > 0], int(((top != 0) | (bottom > 0)).sum())
     told = n > 1 and not over[under == 0].any() and np.ptp(drawn) > 0
     return {
         name: float(top.sum() / bottom.sum()) if bottom.sum() else None,
-        f"{name}_ci": list(interval(drawn, n)) if told else None,
+        f"{name}_ci": list(interval(drawn, n, most)) if told else None,
     }
 
 
@@ -65,12 +68,10 @@ def share(name: str, hits: Array, of: Array, again: NDArray[np.int64]) -> dict[s
     Where all are hits, or none, resampling tells nothing: one end of the exact interval then
     (Clopper and Pearson, 1934).
     """
-    found, n = ratio(name, hits, of, again), of.sum()
+    found, n = ratio(name, hits, of, again, most=1.0), of.sum()
     if n and hits.sum() in (0, n):
         off = float(1 - _TAIL ** (1 / n))
         found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
-    elif isinstance(ends := found[f"{name}_ci"], list):
-        found[f"{name}_ci"] = [min(end, 1.0) for end in ends]
     return found
 
 
@@ -90,9 +91,11 @@ class Bootstrap:
         summed = values.astype(float).groupby(of).sum()
         return np.asarray(summed.reindex(self.suburbs).fillna(0), dtype=float)
 
-    def mean(self, name: str, values: pd.Series, of: pd.Series) -> dict[str, object]:
-        """The mean of values, each ``of`` a suburb, as ``ratio`` tells it."""
-        return ratio(name, self.sums(values, of), self.sums(values.notna(), of), self.again)
+    def mean(
+        self, name: str, values: pd.Series, of: pd.Series, most: float = np.inf
+    ) -> dict[str, object]:
+        """The mean of values, each ``of`` a suburb and ``most`` at most, as ``ratio`` tells it."""
+        return ratio(name, self.sums(values, of), self.sums(values.notna(), of), self.again, most)
 
     def share(self, name: str, hits: pd.Series, of: pd.Series) -> dict[str, object]:
         """The share of hits, each ``of`` a suburb, as ``share`` tells it."""

@@ -248,7 +248,7 @@ def _summary(claims: pd.DataFrame, pairs: pd.DataFrame) -> dict[str, object]:
     told = Bootstrap(pairs.suburb, "landmarks")
     found: dict[str, object] = {
         **_rates(made, pairs, told),
-        **told.mean("precision_without_twins", apart.right, apart.suburb),
+        **told.mean("precision_without_twins", apart.right, apart.suburb, 1.0),
         "recall_at_precision": {f"{p:.2f}": _recall_at(claims, pairs, p) for p in PRECISIONS},
         "twin_claims": int(made.twin.astype(bool).sum()),
         "duplicates": len(counting) - len(made),
@@ -287,8 +287,8 @@ def _rates(made: pd.DataFrame, pairs: pd.DataFrame, told: Bootstrap) -> dict[str
         "n_pairs": len(pairs),
         "pairs_without_common": len(empty),
         **told.share("pair_success", success[fair.index], fair.suburb),
-        **told.mean("precision", made.right, made.suburb),
-        **ratio("recall", shared, told.sums(pairs.co_visible, pairs.suburb), told.again),
+        **told.mean("precision", made.right, made.suburb, 1.0),
+        **ratio("recall", shared, told.sums(pairs.co_visible, pairs.suburb), told.again, 1.0),
         **told.share("false_claim_rate", accused[empty.index], empty.suburb),
     }
 

@@ -88,8 +88,8 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
             "n": len(there),
             **share("first_right", there.right.to_numpy(dtype=float), n_goals, again),
             **share("nobody_right", gone.right.to_numpy(dtype=float), n_goals, again),
-            **ratio("precision", found_in, answered, again),
-            **ratio("recall", found_in, showing, again),
+            **ratio("precision", found_in, answered, again, 1.0),
+            **ratio("recall", found_in, showing, again, 1.0),
             "ms_per_goal": float(own.s.median() * 1e3),
         }
     both = found[found.groupby(["scene", "goal"]).way.transform("nunique") == len(WAYS)]

@@ -233,8 +233,8 @@ def _summary(own: pd.DataFrame, told: Bootstrap) -> dict[str, object]:
         soon = success * (own.seconds_simulated <= s)
         found |= told.share(f"success_{s}_s", soon, own.suburb)
     found |= told.share("success_given_chain", chained.success, chained.suburb)
-    found |= told.mean("spl", spl, own.suburb)
-    found |= told.mean("spl_chain", spl_chain, chained.suburb)
+    found |= told.mean("spl", spl, own.suburb, 1.0)
+    found |= told.mean("spl_chain", spl_chain, chained.suburb, 1.0)
     found["false_arrivals"] = int((own.arrived.astype(bool) & ~own.success.astype(bool)).sum())
     found["collisions"] = int(own.collisions.sum())
     for name in MEANS:

@@ -248,7 +248,7 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
         for most in (1, 2, 3, MAX_DRIVES):
             arrived = group.drives <= most
             by_world = arrived.groupby(group.world).mean().to_numpy()
-            low, high = interval(by_world[again].mean(axis=1), n_worlds)
+            low, high = interval(by_world[again].mean(axis=1), n_worlds, 1.0)
             of_free = float(arrived[group.free == 1].mean())
             rows.append(
                 dict(zip(("rule", "p", "method"), key, strict=True))

@@ -194,7 +194,7 @@ LIBRARIES = {
     "landmarks": ("torch",),
     "mission": ("torch",),
     "figures": ("torch",),
-    "notebooks": ("torch", "nbconvert", "ipykernel"),
+    "notebooks": ("torch", "nbconvert", "ipykernel", "nats"),
 }
 
 
