@@ -27,9 +27,7 @@ from vrchain.navigation.settings import robot_of
 
 EVEN = 0.5  # share of agreement from which a robot's word is taken as it is
 _BELIEVED = 1.0  # agreements that a robot is credited with
-_LEAST_M = (
-    2.0  # between two panoramas of a robot, by its word or by pictures: else both say nothing
-)
+_LEAST_M = 2.0  # of way, by a robot's word or by pictures: below, both say nothing
 
 
 def reputations(poses: Mapping[Pair, RelativePose], tracks: Sequence[Track]) -> dict[str, float]:
