@@ -149,7 +149,7 @@ def config(
 ) -> None:
     """Write a configuration for each of several machines: keys, permissions, limits, TLS.
 
-    Write it again, and reload the servers, when the operator has enrolled or expelled a member.
+    Write it again, and reload the servers twice, when the operator has enrolled or expelled one.
     """
     named = [part.partition("=")[::2] for part in server]
     if not all(name and host for name, host in named) or len(dict(named)) != len(named):

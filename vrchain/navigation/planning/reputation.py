@@ -75,9 +75,10 @@ def _tests(
                 seen.setdefault((one, place[other]), []).append((other, pose))
     for (one, _), joined in seen.items():
         for (a, from_a), (b, from_b) in permutations(joined, 2):
-            said, told = linked.get((a, b)), relative(from_a, from_b)
-            if said is None or max(np.hypot(*said.xy_m), np.hypot(*told.xy_m)) < _LEAST_M:
+            if (said := linked.get((a, b))) is None:
                 continue
+            told = relative(from_a, from_b)
+            moved = max(np.hypot(*said.xy_m), np.hypot(*told.xy_m)) >= _LEAST_M
             differs = apart(told, said)
-            if not 1.0 < differs <= DIFFERENT:
+            if moved and not 1.0 < differs <= DIFFERENT:
                 yield one, a, b, differs <= 1.0
