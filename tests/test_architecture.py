@@ -23,6 +23,7 @@ LEVELS = {
     "files": 0,
     "allocator": 0,
     "lazy": 0,
+    "yaml_text": 0,
     "panorama": 1,
     "ledger": 1,
     "world": 2,

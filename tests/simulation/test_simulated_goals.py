@@ -6,16 +6,20 @@ import shapely
 import worlds
 
 from vrchain.errors import MissionError
+from vrchain.geometry import Pose
 from vrchain.navigation.settings import GOAL_RANGE_M
+from vrchain.panorama import CameraRig
 from vrchain.simulation.collision_free import FreeSpace
 from vrchain.simulation.goals import (
     GOAL_PICTURES,
     _off,
     goal_ids,
+    goal_pictures,
     goal_poses,
     pictured_share,
 )
 from vrchain.world.model import Scene, SceneObject
+from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 BESIDE = ((0, (0.0, 4.5)), (1, (0.0, -4.5)))
@@ -45,12 +49,27 @@ def test_the_smaller_a_goal_the_nearer_by_it_is_pictured(
     scene = shut_in(to_m, wide_m)
     poses = goal_poses(scene, GroundTruth(scene), scene.index_of("goal"), 0)
     assert len(poses) == GOAL_PICTURES
+    assert pictured_share(scene, "goal", poses) == share
     side = scene.objects[scene.index_of("goal")].footprint
     low_m, high_m = (share * range_m for range_m in GOAL_RANGE_M)
     for pose in poses:
         assert low_m - 1e-6 <= side.distance(shapely.Point(*pose.xy_m)) <= high_m + 1e-6
         assert np.abs(pose.xy_m).max() < to_m
-    assert pictured_share(scene, "goal", poses) >= share
+
+
+@pytest.mark.parametrize("side_m", [1.5, 3.0, 3.7])
+def test_what_is_small_is_pictured_from_near_wherever_the_draws_fall(side_m: float) -> None:
+    """From 3 to 3.75 m it may be of either share: that which is tried first draws it."""
+    poses = [Pose(x, 0.0) for x in (0.5 + side_m, -0.5 - side_m)]
+    assert pictured_share(shut_in(9.0), "goal", poses) == 0.25
+
+
+def test_a_goal_is_pictured_by_cameras_of_many_pixels_too() -> None:
+    scene, near = shut_in(9.0, 8), Pose(-5.0, 0.0)
+    rig = CameraRig(n_views=4, width_px=4096, field_of_view_deg=90)
+    (picture,) = goal_pictures(scene, Renderer(scene), "goal", [near], rig)
+    assert picture.rig.width_px == 4096
+    assert picture.rig.field_of_view_deg == pytest.approx(100)
 
 
 def test_it_is_pictured_from_farther_where_things_stand_all_around_it() -> None:

@@ -11,8 +11,10 @@ from vrchain.experiments.reproduction.results import suburb
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
+from vrchain.world import backdrop, light
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
+from vrchain.world.spec import LightSpec
 from vrchain.world.truth import GroundTruth
 
 QUARTERS = np.zeros((16, 16, 3), dtype=np.uint8)  # top left, top right, bottom left, bottom right
@@ -238,3 +240,17 @@ def test_drawn_objects_are_those_that_rays_hit_in_the_suburb(n: int) -> None:
     shares = agreement(scene, draw_poses(scene, n, generator(3000)), CameraRig())
     print(f"drawn and cast ids agree on {min(shares):.3%} of the pixels at least")
     assert min(shares) >= 0.995
+
+
+def test_of_a_large_map_the_sky_hides_nothing_and_is_seen_to_its_far_side() -> None:
+    extent_m, here = (600.0, 600.0), Pose(-299.0, -299.0, np.pi / 4)
+    sun = light.sunlight(LightSpec())
+    far = worlds.box("far", (295.0, 295.0), (9, 9, 200), worlds.plain(worlds.RED))
+    dome = backdrop.build_sky(sun, generator(0, "sky"), extent_m)
+    scene = Scene("large", extent_m, (far,), dome, (0, 0, 255))
+    rig = CameraRig(n_views=1)
+    renderer = Renderer(scene)
+    seen = renderer.segmentation(here, rig)[0]
+    assert (seen[rig.height_px // 2 - 60, rig.width_px // 2 - 1] == 0).all()
+    above = renderer.render(here, rig).views[0][: rig.height_px // 2]
+    assert not mask_of(above, (0, 0, 255)).any()

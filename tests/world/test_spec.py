@@ -129,6 +129,8 @@ def test_a_bad_value_is_named_with_what_is_allowed(
                 "twins: !!float x",
                 "name: !!bool x",
                 "name: " + "[" * 3000,
+                "seed: 3\nname: a\nseed: 4",
+                "seed: 3\nlight: {time: noon, time: evening}",
             ],
         ),
     ],

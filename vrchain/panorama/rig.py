@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import SpecError
 
+MOST_SIDE_PX = 4096  # of one view
 _MOST_PX = 2**27  # of all views: 400 MB
 
 
@@ -31,8 +32,8 @@ class CameraRig:
     def __post_init__(self) -> None:
         limits = {
             "n_views": (1, 64),
-            "width_px": (16, 4096),
-            "height_px": (16, 4096),
+            "width_px": (16, MOST_SIDE_PX),
+            "height_px": (16, MOST_SIDE_PX),
             "field_of_view_deg": (5.0, 120.0),
             "camera_height_m": (0.05, 10.0),
         }

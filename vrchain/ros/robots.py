@@ -22,6 +22,7 @@ from vrchain.ros.cameras import (
 )
 from vrchain.ros.contents import OF_TF, Contents, Times, Topic, clocked
 from vrchain.ros.messages import COMPRESSED, IMAGE, INFO, ODOMETRY
+from vrchain.yaml_text import load_yaml
 
 _JUMP_M, _JUMP_M_S = 1.0, 3.0  # farther than that, nobody drove: odometry was set anew
 _JUMP_RAD, _JUMP_RAD_S = 1.0, 6.0
@@ -108,7 +109,7 @@ def load_rig(path: Path | None) -> Mapping[str, Any]:
     if path is None:
         return {}
     try:
-        told = yaml.safe_load(path.read_text())
+        told = load_yaml(path.read_text())
     except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
         raise BagError(f"cannot read the rig {path}: {error}") from error
     if not isinstance(told, dict) or not {*told} <= _KEYS:

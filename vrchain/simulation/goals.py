@@ -12,6 +12,7 @@ from vrchain.errors import MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama.rig import MOST_SIDE_PX
 from vrchain.seeding import generator
 from vrchain.world.model import Scene, SceneObject
 from vrchain.world.render import Renderer
@@ -82,19 +83,24 @@ def goal_poses(
     A quarter or half as far from what is no building, and no wider than 3 or 6 m, if there is room:
     it shows little from afar. fits: whether places, (n, 2), will do; by default all that are free.
     """
-    found, thing = list[Pose](), scene.objects[target]
-    least = 1.0 if thing.kind in sum(_GOAL_KINDS, ()) else thing.width_m / 2 / GOAL_RANGE_M[0]
-    for share in (s for s in SHARES[::-1] if s >= min(1.0, least)):
+    found = list[Pose]()
+    for share in _shares(scene.objects[target]):
         if len(found) < GOAL_PICTURES:
             found = _goal_poses(scene, truth, target, generator(seed, "goal", target), share, fits)
     return found
 
 
+def _shares(thing: SceneObject) -> list[float]:
+    """Those of ``SHARES`` that such a goal may be pictured from, the one tried first first."""
+    least = 1.0 if thing.kind in sum(_GOAL_KINDS, ()) else thing.width_m / 2 / GOAL_RANGE_M[0]
+    return [s for s in SHARES[::-1] if s >= min(1.0, least)]
+
+
 def pictured_share(scene: Scene, goal: str, poses: Sequence[Pose]) -> float:
     """The share of 6-15 m from which a goal is pictured: one of ``SHARES``."""
-    footprint = scene.objects[scene.index_of(goal)].footprint
-    near_m = float(shapely.distance(footprint, shapely.points([p.xy_m for p in poses])).min())
-    return next((s for s in SHARES if s * GOAL_RANGE_M[0] <= near_m + 1e-6), SHARES[-1])
+    thing = scene.objects[scene.index_of(goal)]
+    far_m = float(shapely.distance(thing.footprint, shapely.points([p.xy_m for p in poses])).max())
+    return next((s for s in _shares(thing) if far_m <= s * GOAL_RANGE_M[1] + 1e-6), SHARES[0])
 
 
 def _goal_poses(
@@ -148,7 +154,7 @@ def goal_pictures(
 ) -> list[Panorama]:
     """Single views framed on the goal, as one who points it out would take them.
 
-    As many pixels a degree as the team's own cameras have.
+    As many pixels a degree as the team's own cameras have, or as one picture can have.
     """
     corners = np.concatenate([s.vertices_m for s in scene.objects[scene.index_of(goal)].surfaces])
     pictures = []
@@ -157,9 +163,10 @@ def goal_pictures(
         rise_m = np.abs(corners[:, 2] - rig.camera_height_m)
         slope = float((rise_m / np.linalg.norm(corners[:, :2] - pose.xy_m, axis=1)).max())
         half_rad = float(np.clip(_FRAME * side_rad, np.radians(3), np.radians(50)))
-        width_px = 2 * round(rig.focal_px * np.tan(half_rad))
-        height_px = min(rig.height_px, 2 * round(rig.focal_px * _FRAME * slope))
-        field_deg = 2 * float(np.degrees(np.arctan(width_px / 2 / rig.focal_px)))
+        focal_px = min(rig.focal_px, MOST_SIDE_PX / 2 / np.tan(half_rad))
+        width_px = 2 * round(focal_px * np.tan(half_rad))
+        height_px = min(rig.height_px, 2 * round(focal_px * _FRAME * slope))
+        field_deg = 2 * float(np.degrees(np.arctan(width_px / 2 / focal_px)))
         single = CameraRig(1, width_px, height_px, field_deg, rig.camera_height_m)
         pictures.append(renderer.render(pose, single))
     return pictures

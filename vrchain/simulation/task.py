@@ -56,13 +56,14 @@ def draw_task(
     robot: str = "R1",
     goal: str | None = None,
 ) -> Task:
-    """A chain of robots, neighbours 5-8 m apart, whose last one alone sees the goal.
+    """A chain of robots, neighbours 5-8 m apart, whose last one sees a fifth of the goal or more.
 
     All of them, and the goal, are in one room: the largest free region that holds a goal. ``robot``
-    stands at the other end, with not a pixel of the goal in view. Neighbours see a landmark in
-    common. Of some such places the one is taken where the two ends have fewest in common, so that
-    the chain is needed. Where there is none, as in rooms, all is half or a quarter as far apart.
-    MissionError if none is found, or if there is no such robot or goal.
+    stands at the other end, with not a pixel of the goal in view; those between see next to nothing
+    of it: none of 60 points all over it. Neighbours see a landmark in common. Of some such places
+    the one is taken where the two ends have fewest in common, so that the chain is needed. Where
+    there is none, as in rooms, all is half or a quarter as far apart. MissionError
+    if none is found, or if there is no such robot or goal.
     """
     names, goals = robot_names(n_robots, robot), goal_ids(scene, goal)
     free = FreeSpace(scene, truth)
@@ -175,7 +176,7 @@ def _hidden_goals(
     share: float,
     draws: np.random.Generator,
 ) -> Iterator[tuple[int, Points]]:
-    """Goals with chains of places, (n_robots, 2), whose last alone sees any of the goal."""
+    """Goals with chains of places, (n_robots, 2), whose last alone sees points of the goal."""
     target = draws.choice(goals, _BATCH)
     bounds = np.array([scene.objects[i].bounds_m[:, :2] for i in target])
     half_m = np.ptp(bounds, axis=1).max(axis=1) / 2

@@ -18,7 +18,7 @@ from vrchain.world.spec import SceneSpec
 from vrchain.world.suburb.streets import BEYOND_M
 
 _Rgb = tuple[int, int, int]
-_RADIUS_M = 400.0
+_RADIUS_M = 400.0  # of the sky, or as much more as the map needs
 _LOWEST_RAD = np.radians(-6.0)
 
 
@@ -65,7 +65,7 @@ def outdoors(
         spec.name,
         spec.extent_m,
         (*objects, *floor, _tree_belt(spec.extent_m, sun, spec.season, draws)),
-        build_sky(sun, seeding.generator(spec.seed, "sky")),
+        build_sky(sun, seeding.generator(spec.seed, "sky"), spec.extent_m),
         haze_rgb(sun),
         spec.light,
         ground_light,
@@ -77,11 +77,12 @@ def haze_rgb(light: Light) -> _Rgb:
     return _WEATHERS[light.time].haze_rgb
 
 
-def build_sky(light: Light, rng: Generator) -> Surface:
-    """A dome around the origin, seen from inside."""
+def build_sky(light: Light, rng: Generator, extent_m: tuple[float, float]) -> Surface:
+    """A dome around the origin, and all around a map, seen from inside."""
     n, rings = 48, 14
     turn, level = np.meshgrid(np.linspace(0, 2 * np.pi, n + 1), np.linspace(0, 1, rings))
-    points = _RADIUS_M * sphere(turn, _LOWEST_RAD + (np.pi / 2 - _LOWEST_RAD) * level)
+    radius_m = max(_RADIUS_M, float(np.hypot(*extent_m)) / 2 + BEYOND_M)
+    points = radius_m * sphere(turn, _LOWEST_RAD + (np.pi / 2 - _LOWEST_RAD) * level)
     picture = _sky_picture(light, rng, (320, 1024))
     # At the foot a texel is kept off, or the zenith's would shine through: pictures repeat.
     uv = np.stack([turn / (2 * np.pi), np.maximum(level, 1 / len(picture))], axis=-1)

@@ -11,6 +11,7 @@ import yaml
 
 from vrchain.errors import SpecError
 from vrchain.paths import scene_file
+from vrchain.yaml_text import load_yaml
 
 _Spec = TypeVar("_Spec")
 
@@ -148,7 +149,7 @@ def load_spec(path: str | Path) -> SceneSpec:
     if path.is_dir():
         raise SpecError(f"{path} is a folder: give a scene file such as scenes/suburb.yaml")
     try:
-        document = yaml.safe_load(path.read_text(encoding="utf-8"))
+        document = load_yaml(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
         raise SpecError(
             f"no scene file {path}: check the path, or use scenes/suburb.yaml"

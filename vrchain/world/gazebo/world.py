@@ -185,7 +185,7 @@ def _scene(
         world.name,
         extent_m,
         (*floors, *lying, *baked),
-        backdrop.build_sky(lit, seeding.generator(0, "sky")),
+        backdrop.build_sky(lit, seeding.generator(0, "sky"), extent_m),
         backdrop.haze_rgb(lit),
         spec,
         ground_light,

@@ -74,6 +74,8 @@ class Renderer:
         self.scene = scene
         drawn = [(i + 1, s) for i, o in enumerate(scene.objects) for s in o.surfaces]
         sky = [] if scene.sky is None else [(_SKY, scene.sky)]
+        # To the sky's other side, where a map is so large.
+        self._far_m = max([_FAR_M, *(2 * float(np.abs(s.vertices_m).max()) for _, s in sky)])
         light = scene.ground_light
         floor = [(i, s) for i, s in drawn if light and (s.vertices_m[:, 2] == light.height_m).all()]
         on_floor = {id(s) for _, s in floor}
@@ -146,7 +148,7 @@ class Renderer:
     ) -> NDArray[np.uint8]:
         self.scene.check_pose(pose)
         self._context.check_thread()
-        lens = _camera_to_clip(rig)
+        lens = _camera_to_clip(rig, self._far_m)
         views = np.empty((rig.n_views, rig.height_px, rig.width_px, 3), dtype=np.uint8)
         with self._among(robots) as moving:
             for view, azimuth in zip(views, rig.azimuths_rad, strict=True):
@@ -247,12 +249,12 @@ def _camera_to_world(pose: Pose, azimuth_rad: float, height_m: float) -> NDArray
     return matrix
 
 
-def _camera_to_clip(rig: CameraRig) -> NDArray[np.float64]:
+def _camera_to_clip(rig: CameraRig, far_m: float) -> NDArray[np.float64]:
     """OpenGL's perspective projection, (4, 4)."""
     scale = 1 / np.tan(rig.vertical_field_of_view_rad / 2)
-    depth_m = _NEAR_M - _FAR_M
+    depth_m = _NEAR_M - far_m
     matrix = np.zeros((4, 4))
     matrix[0, 0], matrix[1, 1] = scale * rig.height_px / rig.width_px, scale
-    matrix[2, 2:] = (_FAR_M + _NEAR_M) / depth_m, 2 * _FAR_M * _NEAR_M / depth_m
+    matrix[2, 2:] = (far_m + _NEAR_M) / depth_m, 2 * far_m * _NEAR_M / depth_m
     matrix[3, 2] = -1.0
     return matrix
