@@ -72,19 +72,24 @@ def up(
 ) -> None:
     """Start servers on this machine, of which everything is in DIR; a cluster there goes on.
 
-    They let in anyone on this machine, or the members of a ledger alone. They run on until
-    `vrchain cluster down`. Options that a cluster there was not made with are refused.
+    They let in anyone on this machine, or the members of a ledger alone: those that it has now, and
+    these makers. They run on until `vrchain cluster down`.
     """
+    if maker and ledger is None:
+        raise ClusterError("--maker needs --ledger: without, servers let anyone make blocks")
     there = Cluster.load(output) if (output / MARKER).exists() else None
     if there is not None:
-        _check_same(there, output, nodes, ledger, maker, host)
-    users, key = None, None
+        _check_same(there, output, nodes, ledger, host)
+    users, key, ledger_id = None, None, ""
     if ledger is not None:
         with Ledger.open(ledger) as opened:
             users, key = _users(opened, maker), signer(opened, keys, OPERATOR, simulated)
+            ledger_id = opened.genesis.id.hex()
+        if there is not None and there.ledger_id != ledger_id:
+            _refuse_others(output, "--ledger")
         if there is not None and not there.lets_in(users):
-            _refuse_others(output, "--ledger", "--maker")
-    cluster = there or Cluster.make(output, nodes or 3, users, host or "127.0.0.1")
+            there.let_in(users)
+    cluster = there or Cluster.make(output, nodes or 3, users, host or "127.0.0.1", ledger_id)
     before = {node.name for node in cluster.nodes if cluster.process(node.name)}
     try:
         with doing(f"starting {len(cluster.nodes)} servers"):
@@ -288,15 +293,12 @@ def _check_same(
     output: Path,
     nodes: int | None,
     ledger: Path | None,
-    makers: list[str] | None,
     host: str | None,
 ) -> None:
     """Refuse what cannot be asked of a cluster that is there; whose members, ``up`` looks at."""
-    anyone = there.lets_in(None)
     others = {
         "--nodes": nodes not in (None, len(there.nodes)),
-        "--ledger": ledger is not None and anyone,
-        "--maker": bool(makers) and (anyone or ledger is None),
+        "--ledger": ledger is not None and there.lets_in(None),
         "--host": host not in (None, there.nodes[0].host),
     }
     _refuse_others(output, *(option for option, is_other in others.items() if is_other))

@@ -19,7 +19,7 @@ from typer.testing import CliRunner
 
 from vrchain import extras
 from vrchain.cli import app
-from vrchain.ledger import Ledger, errors, verify
+from vrchain.ledger import Ledger, errors, simulated_key, verify
 from vrchain.ledger.cluster import servers as module
 from vrchain.ledger.cluster.config import Users, server_config
 from vrchain.ledger.cluster.servers import CONFIGURED, MARKER, Cluster, find_server
@@ -98,21 +98,15 @@ def test_a_member_and_a_maker_work_with_their_keys_alone(guarded: Cluster, tmp_p
             r1.wait(refused, timeout_s=PATIENCE_S)
 
 
-def test_servers_that_are_reloaded_twice_let_a_new_member_in_and_an_expelled_one_no_more(
+def test_running_servers_let_a_new_member_in_and_an_expelled_one_no_more(
     tmp_path: Path,
 ) -> None:
     skip_without_servers()
     first, later = (Users(OPERATOR_KEY.public, {n: KEYS[n].public for n in names}, frozenset())
                     for names in (("R1", "R2"), ("R2", "R3")))  # fmt: skip
     cluster = Cluster.make(tmp_path / "servers", 1, first)
-    (node,) = cluster.nodes
     with cluster.running(OPERATOR_KEY, "operator"):
-        config = server_config(node, cluster.nodes, cluster.folder / node.name, later)
-        (cluster.folder / f"{node.name}.conf").write_text(config)
-        log = cluster.folder / f"{node.name}.log"
-        for times in (1, 2):
-            os.kill(cluster.process(node.name) or 0, signal.SIGHUP)
-            eventually(lambda n=times: log.read_text().count("Reloaded server config") == n)
+        cluster.let_in(later)
         for name in ("R2", "R3"):
             assert newest(cluster.address, key=KEYS[name], name=name) == -1
         with pytest.raises(errors.ClusterError, match="let nobody in as R1"):
@@ -482,9 +476,8 @@ def test_servers_that_cannot_be_configured(
         (["--nodes", "3"], "--nodes"),  # what a new one has
         (["--host", "127.0.0.2"], "--host"),
         (["--ledger", "{ledger}"], "--ledger"),
-        (["--ledger", "{ledger}", "--maker", "R2", "--simulated", "0"], "--ledger, --maker"),
-        (["--maker", "R2"], "--maker"),
-        (["--nodes", "2", "--maker", "R2", "--host", "::1"], "--nodes, --maker, --host"),
+        (["--ledger", "{ledger}", "--maker", "R2", "--simulated", "0"], "--ledger"),
+        (["--nodes", "2", "--host", "::1"], "--nodes, --host"),
     ],
 )
 def test_a_cluster_that_is_there_gets_no_other_options(
@@ -502,22 +495,27 @@ def test_a_cluster_of_members_goes_on_with_its_ledger_alone(folder: Path, tmp_pa
     skip_without_servers()
     where = tmp_path / "servers"
     up = ("cluster", "up", "-o", where, "--simulated", 0)
-    own = ("--ledger", folder, "--maker", "R2")
+    own, new = ("--ledger", folder, "--maker", "R2"), simulated_key(0, "R9")
     with Ledger.create(tmp_path / "other", {"R2": KEYS["R2"].public}, OPERATOR_KEY, name="other"):
         pass
     try:
         address = json.loads(said(*up, *own, "--nodes", 1, "--json"))["address"]
         before = {path.name: path.read_bytes() for path in where.glob("n1.[cp]*")}
         assert set(before) == {"n1.conf", "n1.pid"}
-        for other in (("--ledger", folder, "--maker", "R1"), (*own, "--maker", "R1"),
-                      ("--ledger", tmp_path / "other", "--maker", "R2")):  # fmt: skip
-            assert "made with other --ledger, --maker: " in said(*up, *other, status=1)
-        assert "made with other --maker: " in said(*up, "--maker", "R2", status=1)
+        other = ("--ledger", tmp_path / "other", "--maker", "R2")
+        assert "made with other --ledger: " in said(*up, *other, status=1)
+        assert "--maker needs --ledger" in said(*up, "--maker", "R2", status=1)
         assert {path.name: path.read_bytes() for path in where.glob("n1.[cp]*")} == before
         assert newest(address, key=OPERATOR_KEY, name="operator") == -1
         said("cluster", "down", "-o", where)
+        with Ledger.open(folder, writable=True) as ledger:
+            ledger.enrol("R9", new.public, OPERATOR_KEY, 100)
         for words in (own, (*own, "--nodes", 1, "--host", "127.0.0.1")):  # stopped, and running
             assert json.loads(said(*up, *words, "--json"))["address"] == address
+            assert newest(address, key=new, name="R9") == -1
+        said(*up, "--ledger", folder, "--maker", "R1")
+        users = Users(OPERATOR_KEY.public, {**USERS.members, "R9": new.public}, frozenset({"R1"}))
+        assert Cluster.load(where).lets_in(users)
     finally:
         if (where / MARKER).exists():
             Cluster.load(where).stop()

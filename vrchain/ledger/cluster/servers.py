@@ -32,6 +32,7 @@ _PORTS = 10_000, 32_000
 _LOOK_S = 0.05
 _START_S = 60.0
 _END_S = 20.0
+_VARZ, _READ_AT = "varz", "config_load_time"  # of the servers' monitors
 
 
 def find_server() -> str:
@@ -68,14 +69,23 @@ def server_version(path: str) -> tuple[int, ...]:
 
 
 class Cluster:
-    """Servers of which everything is in one folder: configurations, stores, logs, who runs."""
+    """Servers of which everything is in one folder: configurations, stores, logs, who runs.
 
-    def __init__(self, folder: Path, nodes: Sequence[Node]) -> None:
+    ledger_id: of the ledger whose members they let in, empty for anyone.
+    """
+
+    def __init__(self, folder: Path, nodes: Sequence[Node], ledger_id: str = "") -> None:
         self.folder, self.nodes = folder.absolute(), tuple(nodes)
+        self.ledger_id = ledger_id
 
     @classmethod
     def make(
-        cls, folder: Path, count: int = 3, users: Users | None = None, host: str = "127.0.0.1"
+        cls,
+        folder: Path,
+        count: int = 3,
+        users: Users | None = None,
+        host: str = "127.0.0.1",
+        ledger_id: str = "",
     ) -> "Cluster":
         """Write the configuration of ``count`` servers on free ports. OutputError, ClusterError."""
         if (folder / CONFIGURED).exists():
@@ -90,12 +100,10 @@ class Cluster:
             )
         ports = _free_ports(host, 3 * count)
         numbers = [ports[3 * k : 3 * k + 3] for k in range(count)]
-        made = cls(folder, [Node(f"n{k + 1}", host, *own) for k, own in enumerate(numbers)])
-        for node in made.nodes:
-            store = made.folder / node.name
-            config = server_config(node, made.nodes, store, users)
-            write_file(made.folder / f"{node.name}.conf", config.encode())
-        told = {"nodes": [asdict(node) for node in made.nodes]}
+        nodes = [Node(f"n{k + 1}", host, *own) for k, own in enumerate(numbers)]
+        made = cls(folder, nodes, ledger_id)
+        made._configure(users)
+        told = {"ledger": ledger_id, "nodes": [asdict(node) for node in made.nodes]}
         write_file(made.folder / MARKER, json.dumps(told, indent=2).encode())
         return made
 
@@ -107,7 +115,7 @@ class Cluster:
         """
         try:
             told = json.loads((folder / marker).read_text(encoding="utf-8"))
-            return cls(folder, [Node(**node) for node in told["nodes"]])
+            return cls(folder, [Node(**node) for node in told["nodes"]], told.get("ledger", ""))
         except (OSError, ValueError, KeyError, TypeError):
             command = "config" if marker == CONFIGURED else "up"
             raise ClusterError(
@@ -126,6 +134,22 @@ class Cluster:
             texts = [(self.folder / f"{node.name}.conf").read_text() for node in self.nodes]
             return all(json.loads(text).get("accounts") == accounts for text in texts)
         return False
+
+    def let_in(self, users: Users) -> None:
+        """Let in just these from now on; servers that run are told. UnavailableError."""
+        self._configure(users)
+        running = [(node, pid) for node in self.nodes if (pid := self.process(node.name))]
+        for _ in range(2):  # NATS sets up what a new account imports the second time
+            for node, pid in running:
+                read_at, until_s = _asked(node, _VARZ).get(_READ_AT), time.monotonic() + _START_S
+                _send(pid, signal.SIGHUP)
+                while _asked(node, _VARZ).get(_READ_AT) in (None, read_at):
+                    if time.monotonic() > until_s:
+                        raise UnavailableError(
+                            f"the server {node.name} has not read its configuration again after "
+                            f"{_START_S:g} s; {self.folder / node.name}.log says why"
+                        )
+                    time.sleep(_LOOK_S)
 
     def start(self, *names: str) -> None:
         """Start these servers, or all; those that run are left alone. ClusterError."""
@@ -206,7 +230,7 @@ class Cluster:
 
     def traffic(self) -> tuple[int, int]:
         """Messages, and bytes in them, that servers have exchanged with clients and each other."""
-        told = [_asked(node, "varz") for node in self.nodes]
+        told = [_asked(node, _VARZ) for node in self.nodes]
         routes = [r for node in self.nodes for r in _asked(node, "routez").get("routes") or []]
 
         def sum_of(what: str) -> int:  # what servers say to each other, two of them have counted
@@ -224,6 +248,11 @@ class Cluster:
             yield self
         finally:
             self.stop()
+
+    def _configure(self, users: Users | None) -> None:
+        for node in self.nodes:
+            config = server_config(node, self.nodes, self.folder / node.name, users)
+            write_file(self.folder / f"{node.name}.conf", config.encode())
 
     def _last(self, name: str) -> str:
         """The last that a server has said."""
