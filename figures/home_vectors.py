@@ -19,7 +19,8 @@ def draw(results: Results) -> Drawn:
     draws = generator(seed, "homing")
     found = answers(Renderer(suburb()), home, draws, ROWS, grid=grid, rig=RIG)
     around = found[(found.x_m != 0) | (found.y_m != 0)]
-    return home_vectors_figure(suburb(), home, around, ROWS), around
+    drawn = home_vectors_figure(suburb(), home, around, ROWS)
+    return drawn, around.drop(columns="home")  # that takes closer points around home to tell
 
 
 if __name__ == "__main__":

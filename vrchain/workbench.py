@@ -17,7 +17,7 @@ from vrchain.landmarks.extraction.record import examine
 from vrchain.landmarks.extraction.sift import Features
 from vrchain.landmarks.matching.common import check_comparable
 from vrchain.landmarks.matching.photos import FileComparison, landmarks_of_files
-from vrchain.landmarks.matching.variants import DEFAULT, variant_named
+from vrchain.landmarks.matching.variants import DEFAULT, Variant, variant_named
 from vrchain.landmarks.quality import Verdict, judge
 from vrchain.panorama import Panorama
 from vrchain.panorama.databases import on_floor, opened, read_database
@@ -67,13 +67,13 @@ class CommonLandmarks(FileComparison):
 
 
 def common_landmarks(
-    a: Panorama | str | Path, b: Panorama | str | Path, variant: str = DEFAULT
+    a: Panorama | str | Path, b: Panorama | str | Path, variant: str | Variant = DEFAULT
 ) -> CommonLandmarks:
     """The common landmarks of two panoramas, or of two photographs.
 
     Each is a panorama, a folder that one was saved to, or the file of a photograph. variant: of
-    panoramas, see ``variants.variant_named``. ImageError names a picture that cannot serve;
-    MissionError: there is no such variant.
+    panoramas, its name or itself, see ``variants.variant_named``. ImageError names a picture that
+    cannot serve; MissionError: there is no such variant.
     """
     left, right = _opened(a), _opened(b)
     if isinstance(left, Panorama) and isinstance(right, Panorama):

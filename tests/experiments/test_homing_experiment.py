@@ -214,3 +214,19 @@ def test_seeds_for_choosing_are_kept_apart(asked: list[dict]) -> None:
     assert asked == []
     run("evaluate", "homing", SUBURB, "--seed", 1999, "--allow-training-seeds")
     assert asked[0]["seed"] == 1999
+
+
+def test_what_was_found_is_found_again_by_another_process(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    """Where functions are in memory differs, and is in their own text."""
+    asked: list[object] = []
+
+    def stop(*what: object) -> Path:
+        asked.extend(what)
+        raise InterruptedError
+
+    monkeypatch.setattr(homing, "folder_of", stop)
+    with pytest.raises(InterruptedError):
+        evaluate(yards(), 1, seed=1, folder=tmp_path)
+    assert "scale_space" in str(asked[2:]) and "0x" not in str(asked[2:])

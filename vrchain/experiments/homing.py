@@ -176,7 +176,9 @@ def evaluate(
             f"no homing method {', '.join(unknown)}: there are {', '.join(METHODS)}, "
             f"each also with {COMPASS!r} behind"
         )
-    made_by = {row: repr(METHODS[row.removesuffix(COMPASS)]) for row in rows}
+    methods = {row: METHODS[row.removesuffix(COMPASS)] for row in rows}
+    # a function's own text is another in each process
+    made_by = {row: getattr(m, "__qualname__", repr(m)) for row, m in methods.items()}
     own = folder_of(folder, scenes, made_by, seed, asdict(grid), asdict(rig))
     files = [own / f"place_{place:04d}.json" for place in range(n_places)]
     tables = kept_each(partial(_home_to, scenes, rows, seed, grid, rig), files, jobs, "places")

@@ -21,6 +21,7 @@ from vrchain.landmarks.matching.variants import (
     sift,
     variant_named,
 )
+from vrchain.workbench import common_landmarks
 
 HERE, THERE = Pose(0, 0, 0.3), Pose(3, 1, -2.0)
 
@@ -69,6 +70,38 @@ def test_one_plugged_in_is_found_where_it_stands_and_known_by_its_file(
         makers.append(variant_named("plugged_in:mine").maker)
     assert makers[0] == makers[2] != makers[1]
     assert all(maker.startswith("weights ") for maker in makers)
+
+
+@pytest.mark.parametrize(
+    ("changed", "told"),
+    [
+        (None, "NoneType in place of a Comparison"),
+        ([], "list in place of a Comparison"),
+        ((3,), "a int as a claim"),
+        ({"score": float("nan")}, "score nan: expected 0 to 1"),
+        ({"score": 50.0}, "score 50.0: expected 0 to 1"),
+        ({"support_a": np.array([0, 10**6])}, r"keypoints 0..1000000, of which it has \d+"),
+        ({"support_b": np.array([-1])}, r"keypoints -1..-1"),
+        ({"support_a": np.array([0.5])}, r"keypoints 0.5..0.5"),
+        ({"support_a": np.empty(0, int)}, "a claim without keypoints"),
+    ],
+)
+def test_what_one_plugged_in_gives_is_looked_at(changed: object, told: str) -> None:
+    """A claim of score NaN would be none to all that counts claims."""
+
+    def compare_so(a: object, b: object) -> object:
+        found = sift().compare(a, b)
+        if isinstance(changed, dict):
+            return replace(found, common=(replace(found.common[0], **changed),))
+        return replace(found, common=changed) if isinstance(changed, tuple) else changed
+
+    mine = replace(sift(), name="mine", compare=compare_so)  # type: ignore[arg-type]
+    with pytest.raises(MissionError, match=f"matcher 'mine' gave a? ?{told}"):
+        found_by(variant_named(mine))
+    a, b = sights.look(HERE), sights.look(THERE)
+    with pytest.raises(MissionError, match="matcher 'mine' gave"):
+        common_landmarks(a, b, mine)
+    assert len(common_landmarks(a, b, sift()).comparison.common) == len(found_by(sift()).common)
 
 
 def test_half_the_resolution_is_the_same_view() -> None:

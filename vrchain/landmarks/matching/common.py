@@ -115,7 +115,22 @@ def compare(
 ) -> Comparison:
     """Common landmarks of two panoramas of one rig, by SIFT and the planar epipolar constraint."""
     config = config or MatchConfig()
-    index_a, index_b = mutual_matches(a.descriptors, b.descriptors, config.ratio)
+    return claims_of(a, b, *mutual_matches(a.descriptors, b.descriptors, config.ratio), rig, config)
+
+
+def claims_of(
+    a: Features,
+    b: Features,
+    index_a: NDArray[np.int64],
+    index_b: NDArray[np.int64],
+    rig: CameraRig,
+    config: MatchConfig | None = None,
+) -> Comparison:
+    """Claims of matched keypoints: those that lie together and agree with one relative pose.
+
+    index_a, index_b: (m,) the two keypoints of each match, by whatever they were matched.
+    """
+    config = config or MatchConfig()
     matched_a, matched_b = a.take(index_a), b.take(index_b)
     geometry = estimate(matched_a.directions, matched_b.directions, config.min_inliers)
     if geometry is None:

@@ -21,7 +21,7 @@ from vrchain.landmarks.matching.common import (
     group_by_nearness,
     support_score,
 )
-from vrchain.landmarks.matching.variants import DEFAULT, compared, variant_named
+from vrchain.landmarks.matching.variants import DEFAULT, Variant, compared, variant_named
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.panorama.codec import decode_image, read_content
 from vrchain.panorama.metadata import metadata_of
@@ -203,7 +203,7 @@ class FileComparison:
 
 
 def landmarks_of_files(
-    a: str | Path, b: str | Path, variant: str = DEFAULT, model: str | None = None
+    a: str | Path, b: str | Path, variant: str | Variant = DEFAULT, model: str | None = None
 ) -> FileComparison:
     """Common landmarks of two files, each a photograph or a panorama: its folder, or one picture.
 

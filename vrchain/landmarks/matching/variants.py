@@ -24,7 +24,13 @@ from vrchain.landmarks.extraction.record import LandmarkRecord, examine, examine
 from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import load_calibration
-from vrchain.landmarks.matching.common import Comparison, MatchConfig, check_comparable, compare
+from vrchain.landmarks.matching.common import (
+    CommonLandmark,
+    Comparison,
+    MatchConfig,
+    check_comparable,
+    compare,
+)
 from vrchain.landmarks.matching.joint import JOINT, JointConfig, compare_joint
 from vrchain.panorama import CameraRig, Panorama
 
@@ -46,8 +52,8 @@ class Variant:
     maker: what its results depend on beside the code, as text: results that are kept are used again
     only where it is the same; of one plugged in, the digest of its module's file is put behind.
     claimed: the score from which its claims count where all are kept to see what other thresholds
-    would do; surest: that from which a pair's surest one does, None: the same. partial: it is the
-    default with something left out, to compare with and not for use.
+    would do, of one plugged in all; surest: that from which a pair's surest one does, None: the
+    same. partial: it is the default with something left out, to compare with and not for use.
     """
 
     name: str
@@ -55,7 +61,7 @@ class Variant:
     compare: Callable[[Any, Any], Comparison]
     keypoints: Callable[[Any], Features]
     maker: str = ""
-    claimed: float = 0.5
+    claimed: float = 0.0
     partial: bool = False
     surest: float | None = None
 
@@ -100,12 +106,15 @@ def halved(panorama: Panorama) -> Panorama:
     return Panorama(small, np.stack(views).astype(np.uint8), seen)
 
 
-def variant_named(name: str, min_score: float | None = None) -> Variant:
+def variant_named(name: str | Variant, min_score: float | None = None) -> Variant:
     """A variant by its name; MissionError if there is none, LearnedError without torch or weights.
 
-    Or WEIGHTS.pt, the default with other weights; or MODULE:NAME of one plugged in. min_score: of
-    the claims that it makes, if not its own.
+    Or WEIGHTS.pt, the default with other weights; or one plugged in: itself, or MODULE:NAME of it,
+    whose comparisons raise MissionError where they are none. min_score: of the claims that it
+    makes, if not its own.
     """
+    if isinstance(name, Variant):
+        return _checked(name)
     if name.endswith(HALF):
         return at_half_resolution(variant_named(name.removesuffix(HALF), min_score))
     if name == FEWER:
@@ -149,7 +158,41 @@ def _plugged_in(name: str) -> Variant:
         )
     file = getattr(source, "__file__", None)
     made_of = hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
-    return replace(found, maker=f"{found.maker} {made_of}")
+    return replace(_checked(found), maker=f"{found.maker} {made_of}")
+
+
+def _checked(variant: Variant) -> Variant:
+    """The same, of which each comparison is looked at: it is somebody's own."""
+
+    def compare(a: Any, b: Any) -> Comparison:
+        found = variant.compare(a, b)
+        wrong = f"{type(found).__name__} in place of a Comparison"
+        if isinstance(found, Comparison):
+            wrong = _wrong(found, variant.keypoints, (a, b))
+        if wrong:
+            raise MissionError(f"the matcher {variant.name!r} gave {wrong}")
+        return found
+
+    return replace(variant, compare=compare)
+
+
+def _wrong(found: Comparison, keypoints: Callable[[Any], Features], looks: tuple[Any, Any]) -> str:
+    """What is wrong with a comparison's claims, empty if nothing is."""
+    counts = [len(keypoints(look)) for look in looks] if found.common else []
+    for claim in found.common:
+        if not isinstance(claim, CommonLandmark):
+            return f"a {type(claim).__name__} as a claim: expected a CommonLandmark"
+        if not 0 <= claim.score <= 1:  # NaN neither
+            return f"a claim of score {claim.score}: expected 0 to 1"
+        supports, masks = (claim.support_a, claim.support_b), (claim.mask_a, claim.mask_b)
+        for support, mask, count in zip(supports, masks, counts, strict=True):
+            index = np.asarray(support)
+            if not index.size and (mask is None or not len(mask)):
+                return "a claim without keypoints: expected some, or its directions in mask_a, _b"
+            whole = index.dtype.kind in "iu"
+            if index.size and not (whole and 0 <= index.min() <= index.max() < count):
+                return f"a claim by keypoints {index.min()}..{index.max()}, of which it has {count}"
+    return ""
 
 
 @lru_cache(maxsize=2)
