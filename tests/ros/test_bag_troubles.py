@@ -164,11 +164,23 @@ def test_a_rig_tells_what_the_bag_does_not(tmp_path: Path) -> None:
     assert same(outcome_of(bare, tmp_path, rig=tmp_path / "rig.yaml"))
 
 
+def test_a_rig_of_lenses_alone_looks_where_the_transforms_say(tmp_path: Path) -> None:
+    lenses = re.sub("bearing_deg: [0-9]+, ", "", RIG_FILE)
+    (tmp_path / "rig.yaml").write_text(lenses)
+    bare = changed(recording(), "camera_info", lambda row: None)
+    assert same(outcome_of(bare, tmp_path, rig=tmp_path / "rig.yaml"))
+    nowhere, own = changed(bare, recordings.STATIC, lambda row: None), tmp_path / "nowhere"
+    own.mkdir()
+    assert "no transform leads" in refused(nowhere, own, rig=tmp_path / "rig.yaml")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
         ("cameras: 3", "cameras as a list"),
         ("camera: []", "expected a rig of"),
+        ("cameras: [{topic: camera_0/image_raw, bearing: 90}]", "got bearing"),
+        ("cameras: []\ncameras: []", "there twice"),
         ("[1, 2", "cannot read the rig"),
         ("cameras: [{topic: camera_9/image_raw}]", "camera_9/image_raw is not in the bags"),
         ("cameras: [{topic: camera_0/image_raw, intrinsics: [1, 2]}]", "four intrinsics"),

@@ -118,6 +118,8 @@ def publish(
         head = ledger.head
     seconds, processor_s = time.perf_counter() - started, time.process_time() - worked
     looked = sum(p.looks - p.broken - p.earlier for p in played)
+    if blind := [p.robot for p in played if p.broken and p.broken == p.looks]:
+        raise BagError(f"no picture of {', '.join(blind)} could be read: {next(iter(said), '')}")
     if as_json:
         rows = {
             p.robot: {

@@ -28,6 +28,7 @@ from vrchain.ledger.network.stream import Stream, set_up
 from vrchain.ledger.network.watching import watched
 from vrchain.ledger.records.fields import check_name
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
+from vrchain.ledger.storage.place import OUTBOX_NAME
 
 app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger.")
 
@@ -211,6 +212,7 @@ def put(
         with contextlib.closing(Stream(Connection(servers))) as stream, doing("putting blocks"):
             set_up(stream.connection, replicas, int(max_gb * 1e9) if max_gb else -1)
             count = put_blocks(opened, stream, stream.newest())
+        (opened.folder / OUTBOX_NAME).mkdir(exist_ok=True)  # from now on it follows them
         result = {"blocks": count, "height": opened.head.height, "head": opened.head.hash.hex()}
     _say(as_json, result, f"put {count} blocks on {address}; they hold up to {result['height']}")
 

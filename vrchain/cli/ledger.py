@@ -17,7 +17,6 @@ from vrchain.ledger import OPERATOR, Ledger, errors, random_key
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.export import entry_json, record_json
 from vrchain.ledger.network.opening import open_ledger
-from vrchain.ledger.network.outbox import OUTBOX_NAME
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES
 from vrchain.ledger.records.membership import check_member_name
@@ -288,11 +287,6 @@ def export(
 def _writable(ledger: Path, servers: str | None, keys: Path | None, name: str = OPERATOR) -> Ledger:
     """The ledger, to write to: through its servers, where a copy follows some."""
     if servers is None:
-        if (ledger / OUTBOX_NAME).exists():
-            raise errors.ClusterError(
-                f"{ledger} follows servers; what is written there alone would part from theirs: "
-                "give --servers"
-            )
         return Ledger.open(ledger, writable=True)
     with Ledger.open(ledger) as opened:
         key = key_of(opened, keys, name)

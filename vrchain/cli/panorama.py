@@ -177,6 +177,11 @@ def import_(
         if len(together) > 1:
             sources = {image.stem: str(image) for image in images}
             (folder / _SEVERAL).write_text(json.dumps(sources, indent=2) + "\n")
+        there = output.iterdir() if output.exists() else ()
+        if lost := {path.name for path in there} - {path.name for path in folder.iterdir()}:
+            raise OutputError(
+                f"{output} holds {', '.join(sorted(lost))}, which would be lost: choose another -o"
+            )
     print(f"wrote {output}: " + (MARKER if len(together) == 1 else f"{len(together)} panoramas"))
     _say_upsampled(most)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Self
 
 from vrchain.ledger.errors import (
+    ClusterError,
     ForkError,
     NotFoundError,
     PayloadDigestError,
@@ -25,6 +26,7 @@ from vrchain.ledger.rules.validity import begin
 from vrchain.ledger.storage.database import insert_entry, operator_records, read_records
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.folder import create_folder
+from vrchain.ledger.storage.place import OUTBOX_NAME
 from vrchain.ledger.storage.retention import Retention, dropped_by, named_by, old_blobs
 from vrchain.ledger.storage.turns import Turns
 
@@ -165,8 +167,9 @@ class Ledger(Reader):
         if own.hash != block.hash:
             block.check_signature(block.author, self._ever_public_key(block.author))
             raise ForkError(
-                f"{block.author} signed a second {block}: {own.hash.hex()} is in the ledger, by "
-                f"{own.author}, and this one is {block.hash.hex()}",
+                f"{block.author} signed {'a second' if own.author == block.author else 'another'} "
+                f"{block}: {own.hash.hex()} is in the ledger, by {own.author}, and this one is "
+                f"{block.hash.hex()}",
                 own,
                 block,
             )
@@ -278,6 +281,11 @@ class Ledger(Reader):
         key: SigningKey,
         lap: Lap = lambda stage: None,
     ) -> None:
+        if (self.folder / OUTBOX_NAME).exists():
+            raise ClusterError(
+                f"{self.folder} follows servers; what is written there alone would part from "
+                "theirs: give --servers, or open it with open_ledger"
+            )
         entry, after = self.make(records, author, key, lap)
         self._write(entry, blobs)
         lap("append_durable")

@@ -6,6 +6,7 @@ Cameras are taken to see from one point: things near by are joined badly where t
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,13 @@ Array = NDArray[np.float64]
 
 _SAME_PX = 0.02  # a camera is the rig's own if no pixel is farther off
 _COLUMNS = 4096  # of a turn, at most
+_KEYS = (
+    "topic", "intrinsics", "distortion_model", "distortion_coeffs", "resolution", "encoding",
+    "field_of_view_deg", "bearing_deg", "pitch_deg", "roll_deg", "height_m",
+)  # fmt: skip
+_KALIBRS = (
+    "rostopic", "camera_model", "cam_overlaps", "T_cam_imu", "T_cn_cnm1", "timeshift_cam_imu",
+)  # fmt: skip
 _STEP_DEG = 0.5  # of the search for what is seen
 _BLIND = 10  # percentile of how far up and down cameras see that leave gaps between them
 
@@ -83,18 +91,27 @@ def lens_in(topic: str, info: Any, size_px: tuple[int, int], rectified: bool) ->
         raise BagError(f"{topic}: its camera_info is of no use ({error}): give --rig") from error
 
 
-def camera_from_rig(topic: str, told: Mapping[str, Any], size_px: tuple[int, int]) -> Camera:
+def check_told(path: Path, cameras: Any) -> None:
+    """BagError where a rig's file tells of cameras what is none of ours, nor of kalibr's."""
+    if not isinstance(cameras, list) or not all(isinstance(c, dict) for c in cameras):
+        raise BagError(f"{path}: expected cameras as a list of tables, got {cameras!r:.80}")
+    if unknown := {str(key) for told in cameras for key in told} - {*_KEYS, *_KALIBRS}:
+        raise BagError(
+            f"{path}: expected of a camera {', '.join(_KEYS)}, got {', '.join(sorted(unknown))}"
+        )
+
+
+def lens_from_rig(topic: str, told: Mapping[str, Any], size_px: tuple[int, int]) -> Lens:
     """From one camera of a rig's file. BagError."""
     try:
         width_px, height_px = map(int, told.get("resolution", size_px))
         inner = [float(v) for v in told["intrinsics"]]
         model, distortion = told.get("distortion_model", "none"), told.get("distortion_coeffs", ())
-        lens = lens_of((width_px, height_px), inner, model, distortion)
-        return Camera(topic, lens, pose_from_rig(told))
+        return lens_of((width_px, height_px), inner, model, distortion)
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise BagError(
-            f"rig: expected of camera {topic} intrinsics [fx, fy, cx, cy] and bearing_deg, got "
-            f"{error!r} in {dict(told)}"
+            f"rig: expected of camera {topic} intrinsics [fx, fy, cx, cy], got {error!r} in "
+            f"{dict(told)}"
         ) from error
 
 

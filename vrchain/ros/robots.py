@@ -14,7 +14,8 @@ from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.ros.cameras import (
     Camera,
     Ring,
-    camera_from_rig,
+    check_told,
+    lens_from_rig,
     lens_in,
     narrowed,
     pose_from_rig,
@@ -114,9 +115,7 @@ def load_rig(path: Path | None) -> Mapping[str, Any]:
         raise BagError(f"cannot read the rig {path}: {error}") from error
     if not isinstance(told, dict) or not {*told} <= _KEYS:
         raise BagError(f"{path}: expected a rig of {', '.join(sorted(_KEYS))}, got {told!r:.80}")
-    cameras = told.get("cameras", [])
-    if not isinstance(cameras, list) or not all(isinstance(c, dict) for c in cameras):
-        raise BagError(f"{path}: expected cameras as a list of tables, got {cameras!r:.80}")
+    check_told(path, told.get("cameras", []))
     return told
 
 
@@ -287,16 +286,17 @@ def _camera(
     if "field_of_view_deg" in told:
         plain = {k: v for k, v in told.items() if k != "field_of_view_deg"}
         return narrowed(_camera(contents, own, topic, plain, base), told["field_of_view_deg"])
-    if "intrinsics" in told:
-        return camera_from_rig(topic.name, told, topic.size_px)
     info = own.get(f"{camera_name(topic.name)}/camera_info")
-    if info is None or info.first is None:
+    if "intrinsics" in told:
+        lens = lens_from_rig(topic.name, told, topic.size_px)
+    elif info is None or info.first is None:
         raise BagError(f"{topic.name}: no camera_info was recorded for it: give --rig")
-    rectified = "rect" in topic.name.removesuffix("/compressed").rpartition("/")[2]
-    lens = lens_in(topic.name, info.first, topic.size_px, rectified)
+    else:
+        rectified = "rect" in topic.name.removesuffix("/compressed").rpartition("/")[2]
+        lens = lens_in(topic.name, info.first, topic.size_px, rectified)
     if "bearing_deg" in told:
         return Camera(topic.name, lens, pose_from_rig(told))
-    frame = topic.frame or info.frame
+    frame = topic.frame or (info.frame if info else "")
     pose = contents.pose_in(frame, base)
     if pose is None:
         raise BagError(

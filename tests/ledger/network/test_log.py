@@ -12,6 +12,7 @@ from ledgers import KEYS, OPERATOR_KEY, files, long_ledger
 
 from vrchain.ledger import Drop, Ledger, Offer, verify
 from vrchain.ledger.errors import (
+    ClusterError,
     DuplicateMemberError,
     ForkError,
     GapError,
@@ -25,6 +26,7 @@ from vrchain.ledger.network.log import FolderLog, Log, put
 from vrchain.ledger.network.replicated import EVIDENCE_NAME, Replicated
 from vrchain.ledger.network.stream import Stream
 from vrchain.ledger.records.encoding import digest
+from vrchain.ledger.storage.place import OUTBOX_NAME
 
 MakeLog = Callable[[], Log]
 
@@ -204,7 +206,7 @@ def test_a_block_beside_the_chain_convicts_who_was_expelled_too_and_fills_no_dis
             with pytest.raises(ForkError, match="R1 signed a second block"):
                 own.convict(second)
         assert len(list((own.folder / EVIDENCE_NAME).iterdir())) == 2
-        assert len(own.alarms) == 1 and "R1 has signed a block beside the chain" in own.alarms[0]
+        assert len(own.alarms) == 1 and "R1 has signed a block beside this chain" in own.alarms[0]
 
 
 def test_what_comes_later_is_waited_for(log: Log, make_log: MakeLog, tmp_path: Path) -> None:
@@ -224,6 +226,29 @@ def test_what_comes_later_is_waited_for(log: Log, make_log: MakeLog, tmp_path: P
         assert came.wait(PATIENCE_S)
         assert given[0][0] == own.entry(6)
     thread.join()
+
+
+def test_a_folder_that_has_parted_from_the_log_appends_nothing_to_it(
+    log: Log, tmp_path: Path
+) -> None:
+    with Replicated.join(tmp_path / "own", log) as own:
+        own.catch_up()
+        height = own.head.height
+    with Ledger.open(tmp_path / "own", writable=True) as alone:
+        with pytest.raises(ClusterError, match="follows servers; what is written there alone"):
+            alone.enrol("R8", KEYS["R3"].public, OPERATOR_KEY, 60)
+        (tmp_path / "own" / OUTBOX_NAME).rmdir()
+        alone.enrol("R8", KEYS["R3"].public, OPERATOR_KEY, 60)
+    with Replicated.join(tmp_path / "another", log) as another:
+        another.enrol("R9", KEYS["R3"].public, OPERATOR_KEY, 60)
+    with Replicated.join(tmp_path / "own", log) as own:
+        for work in (own.catch_up, lambda: own.enrol("R7", KEYS["R3"].public, OPERATOR_KEY, 70)):
+            with pytest.raises(WrongLedgerError, match=f"parted .* {height + 1}, by operator"):
+                work()
+        with pytest.raises(WrongLedgerError, match="parted"):
+            put(own, log, height + 1)
+    with Replicated.join(tmp_path / "another", log) as another:
+        assert another.catch_up() == 0 and another.head.height == height + 1
 
 
 def test_a_log_of_another_ledger_is_refused_and_the_folder_stays(log: Log, tmp_path: Path) -> None:

@@ -48,8 +48,9 @@ class Office:
 
 
 @pytest.fixture
-def outbox(folder: Path) -> Iterator[Outbox]:
-    with Outbox(folder) as made:
+def outbox(tmp_path: Path) -> Iterator[Outbox]:
+    (tmp_path / "robot").mkdir()
+    with Outbox(tmp_path / "robot") as made:
         yield made
 
 
@@ -87,7 +88,7 @@ def refuse(office: Office, transaction: Transaction, why: str = "too large") -> 
 
 
 def test_what_follows_a_refused_one_is_signed_anew_and_valid(
-    sender: Sender, outbox: Outbox, office: Office, ledger: Ledger, folder: Path
+    sender: Sender, outbox: Outbox, office: Office, ledger: Ledger
 ) -> None:
     sender.keys["R1"] = KEYS["R1"]
     signed = fill(outbox, ledger)
@@ -96,7 +97,7 @@ def test_what_follows_a_refused_one_is_signed_anew_and_valid(
     office.offers.clear()
     refuse(office, signed[1])
     sender.hand_on(ledger)
-    assert refused_in(folder) == [("R1", 3, "too large")]
+    assert refused_in(outbox.folder.parent) == [("R1", 3, "too large")]
     assert [offer.payload for offer in office.offers] == [b"2", b"3"]
     anew = [offer.transaction for offer in office.offers]
     assert [t.sequence for t in anew] == [3, 4] and anew[0].previous == signed[0].id
@@ -113,7 +114,6 @@ def test_without_the_key_what_follows_is_set_aside_too_and_told(
     outbox: Outbox,
     office: Office,
     ledger: Ledger,
-    folder: Path,
     caplog: pytest.LogCaptureFixture,
 ) -> None:
     signed = fill(outbox, ledger)
@@ -121,15 +121,15 @@ def test_without_the_key_what_follows_is_set_aside_too_and_told(
     refuse(office, signed[2])
     with caplog.at_level(logging.WARNING):
         sender.hand_on(ledger)
-    assert [each[:2] for each in refused_in(folder)] == [("R1", 4), ("R1", 5)]
-    assert "key is not here" in refused_in(folder)[1][2]
+    assert [each[:2] for each in refused_in(outbox.folder.parent)] == [("R1", 4), ("R1", 5)]
+    assert "key is not here" in refused_in(outbox.folder.parent)[1][2]
     assert caplog.messages[0] == "transaction 4 of R1 was refused for good: too large"
     assert len(caplog.messages) == 2 and outbox.count() == 2
 
 
 @pytest.mark.parametrize("why", ["expelled", "another", "damaged"])
 def test_what_cannot_come_into_the_chain_is_set_aside_by_the_robot_itself(
-    why: str, sender: Sender, outbox: Outbox, office: Office, ledger: Ledger, folder: Path
+    why: str, sender: Sender, outbox: Outbox, office: Office, ledger: Ledger
 ) -> None:
     (transaction,) = fill(outbox, ledger, 1)
     (path,) = [path for _, _, path in outbox.waiting()]
@@ -141,7 +141,7 @@ def test_what_cannot_come_into_the_chain_is_set_aside_by_the_robot_itself(
     else:
         path.write_bytes(data[:-1])
     sender.hand_on(ledger)
-    ((robot, sequence, told),) = refused_in(folder)
+    ((robot, sequence, told),) = refused_in(outbox.folder.parent)
     assert (robot, sequence) == ("R1", transaction.sequence) and told
     assert office.offers == [] and outbox.count() == 0
     kept = next((outbox.folder / "refused").glob("*.offer"))

@@ -282,6 +282,12 @@ def test_the_commands_of_a_cluster(folder: Path, tmp_path: Path) -> None:
         assert json.loads(said("cluster", "up", "-o", where, "--json"))["address"] == address
         assert "put 6 blocks" in said("cluster", "put", folder, address, "--anonymous")
         assert "put 0 blocks" in said("cluster", "put", folder, address, "--anonymous")
+        alone = "follows servers; what is written there alone"
+        with (
+            Ledger.open(folder, writable=True) as own,
+            pytest.raises(errors.ClusterError, match=alone),
+        ):
+            own.enrol("R7", KEYS["R1"].public, OPERATOR_KEY, 100)
         assert "would be lost" in said(*configured(where, folder), status=1)
         assert "made with other --nodes:" in said(
             "cluster", "up", "-o", where, "--nodes", 5, status=1

@@ -3,16 +3,19 @@
 A log only orders and carries. What it gives is judged by whoever takes it in.
 """
 
+import contextlib
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
 from vrchain.ledger.errors import (
+    GapError,
     InvalidError,
     LedgerBusyError,
     NotALedgerError,
     OvertakenError,
     UnavailableError,
+    WrongLedgerError,
 )
 from vrchain.ledger.records.block import Entry
 from vrchain.ledger.store import Ledger
@@ -102,9 +105,26 @@ class FolderLog:
 def put(ledger: Ledger, log: Log, height: int) -> int:
     """Append the ledger's blocks to a log whose newest is ``height``, -1 if none; how many.
 
-    Raises as ``Log.append``.
+    Raises as ``Log.append``, WrongLedgerError where the log has other ones.
     """
     ledger.refresh()
+    check_is_part_of(ledger, log, min(height, ledger.head.height))
     for entry in ledger.entries(height + 1):
         log.append(entry, ledger.blobs_of(entry), entry.block.height - 1)
     return max(0, ledger.head.height - height)
+
+
+def check_is_part_of(ledger: Ledger, log: Log, height: int) -> None:
+    """WrongLedgerError where the log has another block than the ledger at a height, -1 for none.
+
+    What is lost there, or damaged, tells nothing.
+    """
+    own = ledger.entry(height).block if height >= 0 else None
+    with contextlib.suppress(GapError):
+        given = next(log.follow(height - 1), None) if own else None
+        if own and given and given[0].block.height == height and given[0].block.hash != own.hash:
+            raise WrongLedgerError(
+                f"{ledger.folder} has parted from the servers' chain: of its block {height}, by "
+                f"{own.author}, they have another, by {given[0].block.author}: begin a new folder "
+                "with vrchain ledger watch, and keep this one if it holds what the servers lack"
+            )

@@ -11,8 +11,8 @@ from vrchain.ledger.records.keys import DATABASE_NAME
 from vrchain.ledger.records.transaction import Offer, Transaction
 from vrchain.ledger.storage.closing import Closing
 from vrchain.ledger.storage.durable import read_plain, storage_errors, sync_folder, write_durably
+from vrchain.ledger.storage.place import OUTBOX_NAME
 
-OUTBOX_NAME = "outbox"
 _SUFFIX = ".offer"
 REFUSED_NAME = "refused"  # in the outbox: what never comes into the chain, and why
 _WHY = ".why"

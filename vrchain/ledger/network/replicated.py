@@ -23,12 +23,12 @@ from vrchain.ledger.errors import (
     UnavailableError,
     WrongLedgerError,
 )
-from vrchain.ledger.network.log import Given, Log
-from vrchain.ledger.network.outbox import OUTBOX_NAME
+from vrchain.ledger.network.log import Given, Log, check_is_part_of
 from vrchain.ledger.records.block import Block, Entry, Record
 from vrchain.ledger.records.keys import DATABASE_NAME, SigningKey
 from vrchain.ledger.rules.chain import Lap
 from vrchain.ledger.storage.durable import storage_errors, write_durably
+from vrchain.ledger.storage.place import OUTBOX_NAME
 from vrchain.ledger.store import Ledger
 
 _LOG = logging.getLogger(__name__)
@@ -107,7 +107,9 @@ class Replicated(Ledger):
             yield
         except ForkError as error:
             kept = self.folder.absolute() / EVIDENCE_NAME
-            said = f"{error.second.author} has signed a block beside the chain; it is in {kept}"
+            said = f"{error.second.author} has signed a block beside this chain; it is in {kept}"
+            if error.first.author != error.second.author:
+                said += f", with that of {error.first.author}: one of the two chains is another's"
             if said not in self.alarms:  # one pair convicts; who signs many fills no disk
                 with storage_errors(f"writing to {kept}"):
                     kept.mkdir(exist_ok=True)
@@ -156,7 +158,7 @@ class Replicated(Ledger):
                 _LOG.warning("%s", line)
 
     def _check_log(self) -> None:
-        """WrongLedgerError unless the log begins with this ledger's first block."""
+        """WrongLedgerError unless the log has this ledger's first block, and its newest."""
         own = self.entry(0).block.hash
         first = next(self.log.follow(-1), None)
         if first is not None and first[0].block.hash != own:
@@ -164,6 +166,8 @@ class Replicated(Ledger):
                 f"the servers hold another ledger, {first[0].records[0].id.hex()}, than "
                 f"{self.folder}, {self.genesis.id.hex()}: choose its servers or another folder"
             )
+        if first is not None:
+            check_is_part_of(self, self.log, self.head.height)
         self._knows_log = first is not None
 
     def _writing(self) -> contextlib.AbstractContextManager[None]:

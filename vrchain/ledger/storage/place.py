@@ -12,6 +12,7 @@ from vrchain.ledger.records.keys import DATABASE_NAME
 from vrchain.ledger.storage.durable import storage_errors
 
 BLOBS_NAME = "blobs"
+OUTBOX_NAME = "outbox"  # of a folder that follows servers
 QUEUE_NAME = "queue"  # an empty file, see ``turns``
 _WORKING = ("-wal", "-shm")  # SQLite's, beside the database
 
