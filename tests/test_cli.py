@@ -434,8 +434,11 @@ def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> 
     strip = ("panorama", "import", tmp_path / "photo.png", "--model", "cylinder")
     good(here(*strip, "-o", tmp_path / "like", "--like", tmp_path / "one"))
     assert Panorama.load(tmp_path / "like").rig == one.rig
+    (tmp_path / "c.png").write_bytes(b.read_bytes())
     before = everything(tmp_path)
     out = tmp_path / "out"
+    said = refused(*command, b, tmp_path / "c.png", "-o", tmp_path / "two")
+    assert "two holds a, which would be lost" in said
     assert "no panorama" in refused(*strip, "-o", out, "--like", tmp_path)
     assert "photo.png" in refused(*command, a, tmp_path / "photo.png", "-o", out)
     assert "none.png" in refused(*command, a, tmp_path / "none.png", "-o", out)

@@ -83,6 +83,19 @@ def test_bad_input_is_one_line(
     assert said in err and err.count("\n") == 1
 
 
+def test_pictures_of_which_none_can_be_read_are_an_error(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ledger, keys, rig = tmp_path / "team", tmp_path / "keys", tmp_path / "rig.yaml"
+    call("ledger", "init", ledger, "--member", "R1", "--keys", keys)
+    camera = "{topic: camera_0/image_raw, resolution: [64, 48], intrinsics: [60, 60, 32, 24]}"
+    rig.write_text(f"camera_height_m: 1.0\ncameras: [{camera}]\n")
+    words = ("--robot", "R1=/R1", "--no-landmarks", "--keys", keys, "--rig", rig)
+    capsys.readouterr()
+    call("bag", "publish", bag, ledger, *words, status=1)
+    assert "no picture of R1 could be read: " in capsys.readouterr().err
+
+
 def test_a_patrol_as_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spec = SCENES / "barn.yaml"
     call("bag", "export", spec, "-o", tmp_path / "out", "--seconds", 3, "--robots", 1, "--json")
