@@ -86,6 +86,12 @@ def test_the_log_can_be_stored(driven: tuple[MissionRun, Path], tmp_path: Path) 
     assert way_m <= MAX_SPEED_M_S * run.seconds + 0.01
     mission_s = table.time_s.iloc[-1] - table.time_s.iloc[0]
     assert mission_s <= summary["simulated_s"] + 0.1 <= SHORT.limit_s + 1
+    truth, odometry = (np.loadtxt(tmp_path / f"R1_{of}.tum") for of in ("truth", "odometry"))
+    assert np.allclose(truth[:, 0], run.times_s) and np.allclose(odometry[:, 0], run.times_s)
+    assert np.allclose(truth[:, 1:3], run.paths_xy_m["R1"])
+    assert np.allclose(2 * np.arctan2(*truth[-1, 6:]), run.final_pose.yaw_rad)
+    assert np.ptp(odometry - truth, axis=0)[:3].max() > 0  # it is noisy
+    assert len(list(tmp_path.glob("*.tum"))) == 2 * len(run.task.places)
 
 
 @pytest.mark.parametrize(

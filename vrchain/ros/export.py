@@ -6,8 +6,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-import numpy as np
-
 from vrchain.errors import BagError
 from vrchain.extras import require
 from vrchain.geometry import Pose
@@ -21,6 +19,7 @@ from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.survey import start_poses
 from vrchain.simulation.team import LocatedPublication, SimulatedBody, assemble
+from vrchain.simulation.trajectory import tum_line
 from vrchain.world.model import Scene
 
 FORMS = ("mcap", "sqlite3", "ros1")
@@ -104,20 +103,13 @@ class _Recorder:
         if seen.time_ns > self.last_ns:
             self.last_ns = seen.time_ns
             self._write(seen.time_ns, self.topics.sensed(seen))
-            self.odometry.append(_tum(seen.time_ns, seen.odometry))
-            self.truth.append(_tum(seen.time_ns, true))
+            self.odometry.append(tum_line(seen.time_ns, seen.odometry))
+            self.truth.append(tum_line(seen.time_ns, true))
         self._write(seen.time_ns, self.topics.shown(seen))
 
     def _write(self, time_ns: int, said: list[tuple[str, Any]]) -> None:
         for topic, message in said:
             self.writer.write(topic, message, time_ns)
-
-
-def _tum(time_ns: int, pose: Pose) -> str:
-    """A line of a trajectory as TUM has it: time, place, quaternion."""
-    half = pose.yaw_rad / 2
-    turn = f"0 0 {np.sin(half):.9f} {np.cos(half):.9f}"
-    return f"{time_ns / 1e9:.9f} {pose.x_m:.9f} {pose.y_m:.9f} 0 {turn}\n"
 
 
 class _RecordedBody(SimulatedBody):

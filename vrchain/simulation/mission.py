@@ -6,7 +6,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TypeAlias
 
@@ -27,9 +27,10 @@ from vrchain.navigation.perception import Look, Perception, learned_perception
 from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.simulation.goals import goal_pictures, pictured_share
-from vrchain.simulation.simulator import Simulator
+from vrchain.simulation.simulator import Simulator, Trajectory
 from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, scene_task
 from vrchain.simulation.team import PublishingRobot, assemble, drive_to_places, team_ledger
+from vrchain.simulation.trajectory import as_tum
 from vrchain.world.model import Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
@@ -46,7 +47,7 @@ class MissionRun:
 
     arrived: the robot's own claim. success: it is so. range_m: from the goal's footprint at the
     end. paths_xy_m: true positions of each robot, (n, 2), at times_s, (n,), by the clock of the
-    decisions.
+    decisions. trajectories: of each robot all its poses, truly and by odometry.
     """
 
     scene: Scene
@@ -63,6 +64,7 @@ class MissionRun:
     collisions: int
     seconds: float
     head: str
+    trajectories: dict[str, tuple[Trajectory, Trajectory]] = field(default_factory=dict)
 
     def summary(self) -> dict:
         """The outcome as plain values."""
@@ -144,6 +146,7 @@ def send(
         {n: simulator.path_xy_m(n) for n in simulator.robots}, simulator.times_s, pose,
         result.arrived and at_goal, range_m, simulator.collisions(robot) - bumped,
         (simulator.clock_ns - started_ns) / 1e9, ledger.head.hash.hex(),
+        {n: simulator.trajectories(n) for n in simulator.robots},
     )  # fmt: skip
 
 
@@ -220,7 +223,10 @@ def is_at(
 
 
 def save_log(run: MissionRun, folder: Path) -> None:
-    """Write the outcome (mission.json) and the decisions (decisions.jsonl) into a folder."""
+    """Write the outcome (mission.json), decisions (decisions.jsonl) and trajectories (*.tum)."""
     (folder / MARKER).write_text(json.dumps(run.summary(), indent=2) + "\n")
     lines = [json.dumps(asdict(d), sort_keys=True) for d in run.result.decisions]
     (folder / "decisions.jsonl").write_text("\n".join(lines) + "\n")
+    for name, (truth, odometry) in run.trajectories.items():
+        (folder / f"{name}_truth.tum").write_text(as_tum(truth))
+        (folder / f"{name}_odometry.tum").write_text(as_tum(odometry))

@@ -7,6 +7,7 @@ sensors is in ``sensors``.
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,6 +22,7 @@ from vrchain.world.model import ROBOT_RADIUS_M, Scene
 from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
+Trajectory: TypeAlias = tuple[tuple[int, Pose], ...]  # when, in ns, and where
 _SUBSTEP_S = 0.025  # at most 1.75 cm of way between two looks for contacts
 _PARTED_M = 0.05  # a contact is over once the robot is this far clear
 
@@ -31,7 +33,7 @@ class _Body:
 
     pose: Pose
     odometry: Odometry
-    path: list[tuple[float, float]]
+    path: list[tuple[Pose, Pose]]  # and where it is by odometry
     bumped: bool = False
     touching: bool = False
     collisions: int = 0
@@ -70,7 +72,7 @@ class Simulator:
                     f"keep them more than {2 * ROBOT_RADIUS_M:g} m apart"
                 )
         odometry = Odometry(self.noise, generator(self.seed, "odometry", name))
-        self._bodies[name] = _Body(pose, odometry, [(pose.x_m, pose.y_m)])
+        self._bodies[name] = _Body(pose, odometry, [(pose, odometry.pose)])
 
     @cached_property
     def truth(self) -> GroundTruth:
@@ -102,7 +104,14 @@ class Simulator:
 
     def path_xy_m(self, robot: str) -> NDArray[np.float64]:
         """True positions at the start and after every step, (n, 2) float."""
-        return np.array(self._body(robot).path)
+        return np.array([pose.xy_m for pose, _ in self._body(robot).path])
+
+    def trajectories(self, robot: str) -> tuple[Trajectory, Trajectory]:
+        """When and where it was at the start and after every step: truly, and by odometry."""
+        path = self._body(robot).path
+        times_ns = self._steps_ns[-len(path) :]
+        true, told = zip(*path, strict=True)
+        return tuple(zip(times_ns, true, strict=True)), tuple(zip(times_ns, told, strict=True))
 
     @property
     def times_s(self) -> NDArray[np.float64]:
@@ -129,7 +138,7 @@ class Simulator:
             for body in moving:
                 self._move(body, drives[body], duration_s / n_substeps)
         for body in self._bodies.values():
-            body.path.append((body.pose.x_m, body.pose.y_m))
+            body.path.append((body.pose, body.odometry.pose))
         self.clock_ns += round(duration_s * 1e9)
         self._steps_ns.append(self.clock_ns)
 
