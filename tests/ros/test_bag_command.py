@@ -96,6 +96,19 @@ def test_pictures_of_which_none_can_be_read_are_an_error(
     assert "no picture of R1 could be read: " in capsys.readouterr().err
 
 
+def test_a_recording_of_before_what_was_published_is_not_said_to_be_done(
+    bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ledger, keys = tmp_path / "team", tmp_path / "keys"
+    call("ledger", "init", ledger, "--member", "R1", "--keys", keys)
+    call("ledger", "append", ledger, "R1", __file__, "--keys", keys)
+    words = ("--robot", "R1=/R1", "--no-landmarks", "--keys", keys)
+    capsys.readouterr()
+    call("bag", "publish", bag, ledger, *words, status=1)
+    err = capsys.readouterr().err
+    assert "older than its newest transaction" in err and "in the order of time" in err
+
+
 def test_a_patrol_as_a_bag(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     spec = SCENES / "barn.yaml"
     call("bag", "export", spec, "-o", tmp_path / "out", "--seconds", 3, "--robots", 1, "--json")

@@ -81,6 +81,17 @@ class _Player:
             return
         then_ns = last.timestamp_ns
         self.earlier = self.next = sum(look.moment.time_ns <= then_ns for look in self.looks)
+        moments = {moment.time_ns for moment in self.recorded.moments}
+        known = {t.timestamp_ns for t in self.ledger.history(self.publisher.robot)}
+        if self.earlier and not moments & known:
+            told = (
+                f"{self.publisher.robot}: {self.earlier} of {len(self.looks)} looks are older than "
+                f"its newest transaction, of {then_ns / 1e9:.2f} s, and were never published: "
+                "publish recordings in the order of time"
+            )
+            if self.earlier == len(self.looks):
+                raise BagError(told)
+            self.tell(told)
         here = self.recorded.way.at(then_ns)
         if here is not None and any(m.time_ns == then_ns for m in self.recorded.moments):
             self._drive_to(then_ns)

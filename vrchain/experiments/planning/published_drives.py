@@ -149,7 +149,8 @@ def by_team(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
         if rule == AS_PUBLISHED:
             line = PUBLISHED[method].loc[p]
             row["published"] = line.get(robots, line.mean())
-        if rule == AS_PUBLISHED and robots:
+        row["inside"] = float("nan")
+        if rule == AS_PUBLISHED and robots and n_worlds >= _WORLDS:
             shares = hits / of  # what five worlds give, and how far all worlds here are off
             drawn = shares[few].mean(axis=1) + shares[again].mean(axis=1) - shares.mean()
             low, high = np.quantile(drawn, (0.025, 0.975))
@@ -201,7 +202,7 @@ def as_text(shares: pd.DataFrame, gains: pd.DataFrame) -> str:
     shares = shares[(shares.p * 100).round().isin(SHOWN)]
     ends = zip(shares.arrives, shares.low, shares.high, strict=True)
     shares = shares.assign(
-        arrives=[f"{share:.2f} [{low:.2f}, {high:.2f}]" for share, low, high in ends],
+        arrives=[f"{s:.2f}" + (f" [{a:.2f}, {b:.2f}]" if a <= b else "") for s, a, b in ends],
         published=shares.published.map("{:.2f}".format),
         at_target=shares.at_target.map("{:.2f}".format),
         robots=shares.robots.replace(0, "all"),
@@ -223,9 +224,13 @@ def as_text(shares: pd.DataFrame, gains: pd.DataFrame) -> str:
         wide = theirs[chosen].pivot(index=of, columns="method", values=column)
         wide = wide.join(published.add_suffix(", published"), how="inner")
         parts.append(f"{title}, {AS_PUBLISHED}\n{wide.round(2).to_string()}")
+    if len(inside):
+        parts.append(
+            f"{int(inside.sum())} of {len(inside)} published shares are in the interval of as many "
+            "worlds here."
+        )
     parts.append(
-        f"{int(inside.sum())} of {len(inside)} published shares are in the interval of as many\n"
-        "worlds here. By how much more drives of shortened chains arrive than breadth-first ones:\n"
+        "By how much more drives of shortened chains arrive than breadth-first ones:\n"
         + gains.round(3).to_string(index=False)
     )
     return "\n\n".join(parts)
