@@ -80,7 +80,9 @@ def test_a_ledger_is_watched_as_it_changes_and_the_last_view_stays(
     def another_publishes(ledger: Ledger) -> list[watching.News]:
         if next(looks) == 1:
             with Ledger.open(tmp_path / "ledger", writable=True) as writer:
-                writer.publish("R1", KEYS["R1"], b"payload", "view", 60)
+                sent = writer.draft_transaction("R1", b"payload", "view", 60).signed(KEYS["R1"])
+                entry, _ = writer.make((sent,), "R1", KEYS["R1"])
+                writer.take(entry, {sent.payload_digest: b"payload"})
         said = {"member": "R2", "height": 3, "waiting": 2, "refused": 0, "alarms": 0}
         return [(said, ""), *news(ledger)]
 
