@@ -80,14 +80,14 @@ def up(
         raise ClusterError("--maker needs --ledger: without, servers let anyone make blocks")
     there = Cluster.load(output) if (output / MARKER).exists() else None
     if there is not None:
-        _check_same(there, output, nodes, ledger, host)
+        _check_same(there, output, nodes, host)
     users, key, ledger_id = None, None, ""
     if ledger is not None:
         with Ledger.open(ledger) as opened:
-            users, key = _users(opened, maker), signer(opened, keys, OPERATOR, simulated)
             ledger_id = opened.genesis.id.hex()
-        if there is not None and there.ledger_id != ledger_id:
-            _refuse_others(output, "--ledger")
+            if there is not None and there.ledger_id != ledger_id:
+                _refuse_others(output, "--ledger")
+            users, key = _users(opened, maker), signer(opened, keys, OPERATOR, simulated)
         if there is not None and not there.lets_in(users):
             there.let_in(users)
     cluster = there or Cluster.make(output, nodes or 3, users, host or "127.0.0.1", ledger_id)
@@ -294,13 +294,11 @@ def _check_same(
     there: Cluster,
     output: Path,
     nodes: int | None,
-    ledger: Path | None,
     host: str | None,
 ) -> None:
-    """Refuse what cannot be asked of a cluster that is there; whose members, ``up`` looks at."""
+    """Refuse what cannot be asked of a cluster that is there; of its ledger, ``up`` looks."""
     others = {
         "--nodes": nodes not in (None, len(there.nodes)),
-        "--ledger": ledger is not None and there.lets_in(None),
         "--host": host not in (None, there.nodes[0].host),
     }
     _refuse_others(output, *(option for option, is_other in others.items() if is_other))

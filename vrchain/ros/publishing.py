@@ -93,7 +93,7 @@ class _Player:
                 raise BagError(told)
             self.tell(told)
         here = self.recorded.way.at(then_ns)
-        if here is not None and any(m.time_ns == then_ns for m in self.recorded.moments):
+        if here is not None and then_ns in moments:
             self._drive_to(then_ns)
             self.publisher.resume(here)
 

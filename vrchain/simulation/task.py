@@ -62,8 +62,8 @@ def draw_task(
     stands at the other end, with not a pixel of the goal in view; those between see next to nothing
     of it: none of 60 points all over it. Neighbours see a landmark in common. Of some such places
     the one is taken where the two ends have fewest in common, so that the chain is needed. Where
-    there is none, as in rooms, all is half or a quarter as far apart. MissionError
-    if none is found, or if there is no such robot or goal.
+    there is none, as in rooms, all is half or a quarter as far apart. MissionError if
+    none is found, or if there is no such robot or goal.
     """
     names, goals = robot_names(n_robots, robot), goal_ids(scene, goal)
     free = FreeSpace(scene, truth)

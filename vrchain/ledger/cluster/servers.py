@@ -127,9 +127,9 @@ class Cluster:
         """What ``open_ledger`` takes."""
         return "nats://" + ",".join(node.address for node in self.nodes)
 
-    def lets_in(self, users: Users | None) -> bool:
-        """Whether the configurations let in just these, None for anyone; false if one is lost."""
-        accounts = users.accounts() if users else None
+    def lets_in(self, users: Users) -> bool:
+        """Whether the configurations let in just these; false if one is lost."""
+        accounts = users.accounts()
         with contextlib.suppress(OSError, ValueError):
             texts = [(self.folder / f"{node.name}.conf").read_text() for node in self.nodes]
             return all(json.loads(text).get("accounts") == accounts for text in texts)
