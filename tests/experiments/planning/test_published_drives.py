@@ -89,6 +89,7 @@ def test_text_has_every_rule_and_the_same_seed_gives_the_same_table(
 ) -> None:
     text = as_text(table, gains(drives, seed=3000))
     assert all(f"one drive, {rule}\n" in text for rule in (AS_PUBLISHED, TO_TARGET, TO_VIEWER))
+    assert "published shares are in the interval" in text
     assert "landmarks on a segment" in text and "nan" not in text.lower()
     once, again = (one_drive(1, 3, seed=3000, teams=(10,)) for _ in range(2))
     pd.testing.assert_frame_equal(once, again)
