@@ -9,10 +9,11 @@ from typing import Annotated, Any
 
 import typer
 
-from vrchain.cli.ledger_keys import key_of
+from vrchain.cli.ledger_keys import Servers, handed_on, key_of, writable
 from vrchain.cli.options import Folder, Json, Spec, doing
 from vrchain.errors import BagError, VRChainError
 from vrchain.files import check_output_folder, output_folder
+from vrchain.ledger.errors import UnavailableError
 
 _EXPORTED = "patrol.json"
 
@@ -87,13 +88,13 @@ def publish(
     slop: Slop = 0.05,
     landmarks: Annotated[bool, typer.Option(help="Extract and publish landmarks.")] = True,
     keys: Annotated[Path | None, typer.Option(help="Folder of the robots' signing keys.")] = None,
+    servers: Servers = None,
     as_json: Json = False,
 ) -> None:
     """Publish what robots recorded, by the update rules, signed, with landmarks and way.
 
     Broken off, the same command goes on.
     """
-    from vrchain.ledger import Ledger
     from vrchain.ros.publishing import publish_bags
 
     *bags, folder = arguments
@@ -102,6 +103,10 @@ def publish(
     robots = robots_told(robot)
     if not robots:
         raise BagError("expected --robot NAME=/NAMESPACE, got none: `vrchain bag info` tells some")
+    if servers and len(robots) > 1:
+        raise BagError(
+            f"expected one --robot with --servers, got {len(robots)}: each has a copy of its own"
+        )
     examine = None
     if landmarks:
         from vrchain.navigation.perception import learned_perception
@@ -109,17 +114,21 @@ def publish(
         examine = learned_perception().record
     said: Counter[str] = Counter()
     started, worked = time.perf_counter(), time.process_time()
-    with Ledger.open(folder, writable=True) as ledger:
+    with writable(folder, servers, keys, min(robots)) as ledger:
+        if why := handed_on(ledger):  # else it would be looked for in the chain, and done again
+            raise UnavailableError(f"what {folder} published before waits still: {why}")
         signing = {name: key_of(ledger, keys, name) for name in robots}
         played = publish_bags(
             bags, ledger, signing, robots, rig=rig, look_every_m=look_every, slop_s=slop,
             examine=examine, tell=lambda line: said.update([line]),
         )  # fmt: skip
-        head = ledger.head
+        waits, head = handed_on(ledger), ledger.head
     seconds, processor_s = time.perf_counter() - started, time.process_time() - worked
     looked = sum(p.looks - p.broken - p.earlier for p in played)
     if blind := [p.robot for p in played if p.broken and p.broken == p.looks]:
         raise BagError(f"no picture of {', '.join(blind)} could be read: {next(iter(said), '')}")
+    if waits:
+        said[f"the newest wait to go out, {waits}"] += 1
     if as_json:
         rows = {
             p.robot: {

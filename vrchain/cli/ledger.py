@@ -9,14 +9,21 @@ from typing import Annotated, Any
 
 import typer
 
-from vrchain.cli.ledger_keys import default_keys, is_enrolled, key_of, saved_keys
+from vrchain.cli.ledger_keys import (
+    Servers,
+    default_keys,
+    handed_on,
+    is_enrolled,
+    key_of,
+    saved_keys,
+    writable,
+)
 from vrchain.cli.ledger_panoramas import PICTURES, check_landmarks, export_pictures, panorama_in
 from vrchain.errors import printable
 from vrchain.files import check_output_file, check_output_folder, write_file
 from vrchain.ledger import OPERATOR, Ledger, errors, random_key
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.export import entry_json, record_json
-from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.records.encoding import MAX_PAYLOAD_BYTES
 from vrchain.ledger.records.membership import check_member_name
@@ -40,11 +47,6 @@ ClockIsRight = Annotated[
     typer.Option(
         "--clock-is-right", help=f"Write even if the newest block is over {_REST_DAYS} days old."
     ),
-]
-
-Servers = Annotated[
-    str | None,
-    typer.Option(metavar="nats://...", help="That carry it: LEDGER is this machine's copy."),
 ]
 
 
@@ -96,7 +98,7 @@ def enroll(
 ) -> None:
     """Take in a new robot NAME, with a new random key, signed by the operator."""
     check_member_name(name)
-    with _writable(ledger, servers, keys) as opened:
+    with writable(ledger, servers, keys) as opened:
         if name in opened.members:
             raise errors.DuplicateMemberError(f"{name} is a member of {ledger} already")
         if name in opened.expelled:
@@ -127,7 +129,7 @@ def expel(
     as_json: Json = False,
 ) -> None:
     """End the membership of the robot NAME for ever, signed by the operator."""
-    with _writable(ledger, servers, keys) as opened:
+    with writable(ledger, servers, keys) as opened:
         opened.expel(name, key_of(opened, keys), _now_ns(opened, clock_is_right))
         result = {"name": name, **_head(opened)}
     _say(as_json, result, f"expelled {name} in block {result['height']}; the name is used up")
@@ -153,18 +155,20 @@ def append(
     """Publish the bytes of FILE as ROBOT's, at the present time.
 
     The folder of a panorama will do too: it is published as robots do, its landmarks beside it.
+    While servers are away it waits in LEDGER, and goes out when that is next written to.
     """
     seen = _read_payload(landmarks) if landmarks else None
     payload, seen = panorama_in(file, seen) if file.is_dir() else (_read_payload(file), seen)
-    with _writable(ledger, servers, keys, robot) as opened:
+    with writable(ledger, servers, keys, robot) as opened:
         opened.refresh()
-        reason = reason or ("time" if opened.latest(robot) else "start")
+        waiting = opened.outbox.last(robot) if isinstance(opened, RobotLedger) else None
+        reason = reason or ("time" if waiting or opened.latest(robot) else "start")
         key, now_ns = key_of(opened, keys, robot), _now_ns(opened, clock_is_right)
         made = opened.publish(robot, key, payload, reason, now_ns, landmarks=seen)
-        if isinstance(opened, RobotLedger):
-            opened.wait(made)
-        result = {**_head(opened), **record_json(made)}
-    _say(as_json, result, f"{made} in block {result['height']}: {made.id.hex()}")
+        why = handed_on(opened, made)
+        result = {**_head(opened), **record_json(made)} | ({"waits": why} if why else {})
+    place = f"waits to go out, {why}" if why else f"in block {result['height']}"
+    _say(as_json, result, f"{made} {place}: {made.id.hex()}")
 
 
 @app.command()
@@ -231,7 +235,7 @@ def drop(
     as_json: Json = False,
 ) -> None:
     """Let old panoramas and landmark records go; the operator signs which. Records stay."""
-    with _writable(ledger, servers, keys) as opened:
+    with writable(ledger, servers, keys) as opened:
         records = opened.drop_old(keep, key_of(opened, keys), _now_ns(opened, clock_is_right))
         result = {"dropped": sum(len(record.blobs) for record in records), **_head(opened)}
     said = f"blobs dropped from {ledger}: {result['dropped']}; its head is block {result['height']}"
@@ -282,22 +286,6 @@ def export(
             said += [f"payloads that are no panoramas: {n}"] if (n := counts["others"]) else []
             said += [f"dropped: {n}"] if (n := counts["dropped"]) else []
     _say(as_json, result, "; ".join(said))
-
-
-def _writable(ledger: Path, servers: str | None, keys: Path | None, name: str = OPERATOR) -> Ledger:
-    """The ledger, to write to: through its servers, where a copy follows some."""
-    if servers is None:
-        return Ledger.open(ledger, writable=True)
-    with Ledger.open(ledger) as opened:
-        key = key_of(opened, keys, name)
-    joined = open_ledger(servers, ledger, key=key, name=name)
-    assert isinstance(joined, RobotLedger)
-    try:
-        joined.wait_until_followed()
-    except BaseException:
-        joined.close()
-        raise
-    return joined
 
 
 def _say(as_json: bool, result: dict[str, Any], *lines: str) -> None:

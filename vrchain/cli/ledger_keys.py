@@ -1,9 +1,13 @@
-"""Where ``vrchain ledger`` keeps signing keys: a folder for each ledger, outside of it."""
+"""Where ``vrchain ledger`` keeps signing keys, a folder for each ledger outside of it; and ledgers,
+opened to write with them."""
 
 import contextlib
 import os
 from collections.abc import Callable, Iterator
 from pathlib import Path
+from typing import Annotated
+
+import typer
 
 from vrchain.errors import LedgerError
 from vrchain.ledger import (
@@ -11,12 +15,22 @@ from vrchain.ledger import (
     Ledger,
     PublicKey,
     SigningKey,
+    Transaction,
     load_key,
     save_key,
     simulated_key,
 )
 from vrchain.ledger.errors import KeyFileError, UnavailableError
+from vrchain.ledger.network.opening import open_ledger
+from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.storage.durable import sync_folder
+
+_SOON_S, _LATE_S = 5.0, 30.0  # for which servers are waited for
+
+Servers = Annotated[
+    str | None,
+    typer.Option(metavar="nats://...", help="That carry it: LEDGER is this machine's copy."),
+]
 
 
 def default_keys(operator: PublicKey) -> Path:
@@ -45,6 +59,41 @@ def member_key(folder: Path, keys: Path | None, name: str, simulated: int | None
         raise KeyFileError(f"expected --keys, the folder of {name}.pem: {folder} is not there yet")
     with Ledger.open(folder) as ledger:
         return key_of(ledger, None, name)
+
+
+def writable(ledger: Path, servers: str | None, keys: Path | None, name: str = OPERATOR) -> Ledger:
+    """The ledger, to write to: through its servers, where a copy follows some.
+
+    UnavailableError where they are away and the operator is to write; what a robot writes can wait.
+    """
+    if servers is None:
+        return Ledger.open(ledger, writable=True)
+    with Ledger.open(ledger) as opened:
+        key = key_of(opened, keys, name)
+    joined = open_ledger(servers, ledger, key=key, name=name)
+    assert isinstance(joined, RobotLedger)
+    can_wait = (UnavailableError,) if name != OPERATOR else ()
+    try:
+        with contextlib.suppress(*can_wait):
+            joined.wait_until_followed(_SOON_S if can_wait else _LATE_S)
+    except BaseException:
+        joined.close()
+        raise
+    return joined
+
+
+def handed_on(ledger: Ledger, made: Transaction | None = None) -> str:
+    """Wait until servers, if any, have it in the chain, or all that was published; else why not.
+
+    What waits is durable in the folder and goes out when it is next opened with its servers.
+    RefusedError where it never comes into the chain.
+    """
+    if isinstance(ledger, RobotLedger):
+        try:
+            ledger.wait(made, _LATE_S)
+        except UnavailableError as error:
+            return str(error)
+    return ""
 
 
 def is_enrolled(ledger: Ledger, name: str) -> bool:

@@ -18,7 +18,7 @@ from ledgers import KEYS, OPERATOR_KEY, files, small_ledger
 from typer.testing import CliRunner
 
 from vrchain import extras
-from vrchain.cli import app
+from vrchain.cli import app, ledger_keys
 from vrchain.ledger import Ledger, errors, simulated_key, verify
 from vrchain.ledger.cluster import servers as module
 from vrchain.ledger.cluster.config import Users, server_config
@@ -320,6 +320,59 @@ def test_commands_that_write_go_through_the_servers(servers: Cluster, tmp_path: 
     maker = tmp_path / "maker"
     assert "give --servers" in said("ledger", "enroll", maker, "R3", *keys, status=1)
     assert verify(team).ok and verify(maker).ok
+
+
+def test_what_is_written_while_servers_are_away_goes_out_later_and_once(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skip_without_servers()
+    monkeypatch.setattr(ledger_keys, "_SOON_S", 0.5)
+    team, keys = tmp_path / "team", ("--keys", tmp_path / "keys")
+    said("ledger", "init", team, "--member", "R1", *keys)
+    cluster = Cluster.make(tmp_path / "servers", 1)
+    words = ("ledger", "append", team, "R1", tmp_path / "file", *keys, "--servers", cluster.address)
+    with cluster.running():
+        said("cluster", "put", team, cluster.address, "--anonymous", "--replicas", "1")
+        (tmp_path / "file").write_bytes(b"of the day before")
+        with making_with(cluster.address, tmp_path, "R1"):
+            assert "transaction 0 of R1 in block 1" in said(*words)
+        cluster.stop()
+        monkeypatch.setattr(ledger_keys, "_LATE_S", 0.5)
+        for number in (1, 2):
+            (tmp_path / "file").write_bytes(b"of a day without servers %d" % number)
+            row = json.loads(said(*words, "--json"))
+            assert row["waits"] and row["sequence"] == number
+        said("ledger", "expel", team, "R1", *words[5:], status=1)
+        monkeypatch.undo()
+        cluster.restart()
+        with making_with(cluster.address, tmp_path, "R1"):
+            (tmp_path / "file").write_bytes(b"of the next day")
+            assert "transaction 3 of R1 in block" in said(*words)
+    with Ledger.open(team) as opened:
+        assert [t.reason for t in opened.history("R1")] == ["start", "time", "time", "time"]
+    assert verify(team).ok
+
+
+def test_a_bag_is_published_through_servers(tmp_path: Path) -> None:
+    skip_without_servers()
+    for needed in ("rosbags", "mcap"):
+        pytest.importorskip(needed)
+    from recordings import recording, write
+
+    bag, team, keys = write(recording(), tmp_path / "bag"), tmp_path / "team", tmp_path / "keys"
+    said("ledger", "init", team, "--member", "R1", "--member", "R2", "--keys", keys)
+    cluster = Cluster.make(tmp_path / "servers", 1)
+    more = ("--no-landmarks", "--keys", keys, "--servers", cluster.address)
+    words = ("bag", "publish", bag, team, "--robot", "R1=/R1", *more)
+    with cluster.running():
+        said("cluster", "put", team, cluster.address, "--anonymous", "--replicas", "1")
+        assert "expected one --robot" in said(*words, "--robot", "R2=/R2", status=1)
+        with making_with(cluster.address, tmp_path, "R2"):
+            assert "published 1 by start, 2 by view" in said(*words)
+            assert "done before, published nothing new" in said(*words)
+    with Ledger.open(team) as opened:
+        assert [t.reason for t in opened.history("R1")] == ["start", "view", "view"]
+    assert verify(team).ok
 
 
 @contextlib.contextmanager
