@@ -31,6 +31,7 @@ LEVELS = {
     "homing": 4,
     "robot": 4,
     "publisher": 5,
+    "reader": 5,
     "navigation": 5,
     "simulation": 6,
     "experiments": 7,

@@ -10,8 +10,8 @@ from sights import RIG
 
 from vrchain.geometry import Pose
 from vrchain.ledger import Ledger, simulated_key, verify
+from vrchain.reader import index_of, published_of
 from vrchain.robot import STOP
-from vrchain.simulation.mission import index_of, published_of
 from vrchain.simulation.patrol import LOOK_EVERY_M, Patrol
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.team import assemble, team_ledger

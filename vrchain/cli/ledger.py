@@ -18,7 +18,13 @@ from vrchain.cli.ledger_keys import (
     saved_keys,
     writable,
 )
-from vrchain.cli.ledger_panoramas import PICTURES, check_landmarks, export_pictures, panorama_in
+from vrchain.cli.ledger_panoramas import (
+    PICTURES,
+    check_landmarks,
+    export_pictures,
+    panorama_in,
+    route,
+)
 from vrchain.errors import printable
 from vrchain.files import check_output_file, check_output_folder, write_file
 from vrchain.ledger import OPERATOR, Ledger, errors, random_key
@@ -33,6 +39,7 @@ _REST_DAYS = 30  # that a ledger may rest before the clock is doubted
 _NEWEST = "transaction {sequence}, {reason}, {timestamp_ns} ns, {id}"
 
 app = typer.Typer(no_args_is_help=True, help="Make, fill, look at and check a ledger.")
+app.command()(route)
 
 Folder = Annotated[Path, typer.Argument(metavar="LEDGER", help="The ledger's folder.")]
 Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]

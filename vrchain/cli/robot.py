@@ -102,9 +102,9 @@ def run(
     from vrchain.navigation.perception import learned_perception
     from vrchain.panorama import Panorama
     from vrchain.publisher import Publication, Publisher, PublishingBody
+    from vrchain.reader import REMEMBERED, index_of, published_of
     from vrchain.ros.live import LiveRobot
     from vrchain.ros.robots import load_rig
-    from vrchain.simulation.mission import REMEMBERED, index_of, published_of
 
     ((name, namespace),) = robots_told([robot]).items()
     pictures = [Panorama.load(Path(picture)) for picture in goal or []]

@@ -17,15 +17,13 @@ from numpy.typing import NDArray
 
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.weights import SHIPPED
-from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.ledger import Ledger
-from vrchain.ledger.records.encoding import DIGEST_BYTES
-from vrchain.ledger.records.transaction import NO_BLOB
 from vrchain.navigation.goal.recognition import goal_from
 from vrchain.navigation.mission import MissionResult, drive_mission
-from vrchain.navigation.perception import Look, Perception, learned_perception
-from vrchain.navigation.settings import Decision, MissionConfig, Published, panorama_name
+from vrchain.navigation.perception import Perception, learned_perception
+from vrchain.navigation.settings import Decision, MissionConfig
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.reader import index_of, published_of
 from vrchain.simulation.goals import goal_pictures, pictured_share
 from vrchain.simulation.simulator import Simulator, Trajectory
 from vrchain.simulation.task import SUCCESS_RANGE_M, Task, draw_task, scene_task
@@ -36,7 +34,6 @@ from vrchain.world.render import Renderer
 from vrchain.world.truth import GroundTruth
 
 MARKER = "mission.json"
-REMEMBERED = 40  # panoramas of each robot that others plan by
 
 Outset: TypeAlias = tuple[Simulator, Task, list[Panorama]]
 
@@ -162,55 +159,6 @@ def set_out(
     simulator = Simulator(scene, task.starts, seed=seed, rig=rig)
     simulator.truth, simulator.renderer = truth, renderer
     return simulator, task, goal_pictures(scene, renderer, task.goal, task.goal_poses, rig)
-
-
-def published_of(
-    ledger: Ledger, robot: str, most: int = 1, memory: bool = False
-) -> Callable[[], dict[str, Published]]:
-    """Asks a ledger for the newest panoramas of each other robot, at most so many, by now.
-
-    R2 is robot R2's newest, R2~1 the one before, and so on. memory: with what the robot itself had
-    published when this was called, as *R1 before*.
-    """
-
-    def newest(author: str, name: str) -> dict[str, Published]:
-        return {
-            panorama_name(name, k): Published(t.payload_digest + t.landmarks_digest, t.timestamp_ns)
-            for k, t in enumerate(reversed(ledger.history(author)[-most:]))
-        }
-
-    ledger.refresh()
-    known = newest(robot, f"{robot} before") if memory else {}
-
-    def published() -> dict[str, Published]:
-        ledger.refresh()
-        found = dict(known)
-        for name in ledger.robots:
-            if name != robot:
-                found |= newest(name, name)
-        return found
-
-    return published
-
-
-def index_of(
-    ledger: Ledger, perception: Perception, read: Callable[[bytes], bytes] | None = None
-) -> LandmarkIndex[Look]:
-    """An index of what ``published_of`` names: a panorama with the record that its author signed.
-
-    By the panorama alone another member could publish the same one with landmarks of its own.
-    read: the blob of a digest, from the ledger or wherever it is.
-    """
-    read = read or ledger.payload
-
-    def panorama(published: bytes) -> bytes:
-        return read(published[:DIGEST_BYTES])
-
-    def described(published: bytes) -> bytes | None:
-        record = published[DIGEST_BYTES:]
-        return None if record == NO_BLOB else read(record)
-
-    return LandmarkIndex(panorama, described, perception.stored, perception.compare)
 
 
 def is_at(

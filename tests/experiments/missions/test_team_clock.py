@@ -10,13 +10,13 @@ from blind import Nowhere, blind
 from hamlet import the_hamlet
 from sights import RIG
 
+from vrchain import reader
 from vrchain.errors import MissionError
 from vrchain.experiments.missions import draw as drawing
 from vrchain.experiments.missions import team_clock
 from vrchain.experiments.missions.draw import Ground
 from vrchain.experiments.missions.team_clock import as_table, draw, evaluate, summarise
 from vrchain.experiments.scenes import Scenes
-from vrchain.simulation import mission
 from vrchain.world.truth import GroundTruth
 
 HAMLET = Scenes(the_hamlet, "hamlet", varied=False)
@@ -70,12 +70,12 @@ def test_each_has_an_index_and_a_memory_of_its_own_and_ways_count_from_where_it_
     remembered: list[bool] = []
 
     def index_of(*asked: Any) -> Any:
-        indices.append(mission.index_of(*asked))
+        indices.append(reader.index_of(*asked))
         return indices[-1]
 
     def published_of(*asked: Any, memory: bool) -> Any:
         remembered.append(memory)
-        return mission.published_of(*asked, memory=memory)
+        return reader.published_of(*asked, memory=memory)
 
     monkeypatch.setattr(team_clock, "index_of", index_of)
     monkeypatch.setattr(team_clock, "published_of", published_of)

@@ -161,7 +161,9 @@ def test_panoramas_that_cannot_be_read_or_are_of_another_rig_are_named() -> None
     for index in (Torn(edges, {"R3": 40}), StubIndex(edges, {"R2": other, "R3": 40})):
         found = plan_of(["R2", "R3"], index)
         assert found.unreadable == ("R2",) and found.route.robots == ("R1", "R3")
-        assert plan_of(["R2"], index).why_none == "no panorama can be read, of R2"
+        assert plan_of(["R2"], index).why_none == (
+            "no panorama by cameras like its own can be read, of R2"
+        )
 
 
 def test_a_landmark_that_three_see_leads_from_each_to_each() -> None:

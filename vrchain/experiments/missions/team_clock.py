@@ -29,10 +29,11 @@ from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import learned_perception
 from vrchain.navigation.settings import MissionConfig
 from vrchain.panorama import CameraRig
+from vrchain.reader import REMEMBERED, index_of, published_of
 from vrchain.seeding import generator
 from vrchain.simulation.collision_free import Array
 from vrchain.simulation.goals import goal_pictures, pictured_share
-from vrchain.simulation.mission import REMEMBERED, index_of, is_at, published_of
+from vrchain.simulation.mission import is_at
 from vrchain.simulation.patrol import Patrol
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import robot_names

@@ -27,7 +27,7 @@ from vrchain.panorama import CameraRig
 
 _FAR_M = 40.0  # a way this long by a landmark leaves 1/e of the chance to arrive
 _TYPICAL_BASELINE_M = 12.0  # where too little of the ground was matched to tell
-_LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
+LEAST_SIGHT = 0.05  # chance that a sight is of the goal, from which it counts as one
 _RIVAL = 0.5  # the goal is one thing: sights so much less sure than the surest are of others
 _LEAST = 0.005  # chance to get on by a landmark, below which it is none: there are thousands
 _CHECKS = 8  # times a route is drawn up anew after its relative poses were checked
@@ -115,7 +115,9 @@ class Plan:
         if self.route is not None:
             return ""
         if not self.published and self.unreadable:
-            return f"no panorama can be read, of {', '.join(self.unreadable)}"
+            return (
+                f"no panorama by cameras like its own can be read, of {', '.join(self.unreadable)}"
+            )
         if not self.published:
             return "the ledger holds no panorama of another robot"
         if not self.goal_seen_by:
@@ -216,7 +218,7 @@ def _sights(
     seen: dict[str, GoalSight] = {}
     for name, p in known.items():
         sighting = None if p.digest in rejected else find(looks[name])
-        if sighting and sighting.chance >= _LEAST_SIGHT:
+        if sighting and sighting.chance >= LEAST_SIGHT:
             seen[name] = sighting
     return seen
 
@@ -224,7 +226,7 @@ def _sights(
 def _unrivalled(seen: Mapping[str, GoalSight]) -> dict[str, GoalSight]:
     """The sights that are not of others, as the goal is one thing."""
     surest = max((s.chance for s in seen.values()), default=0.0)
-    return {name: s for name, s in seen.items() if s.chance >= max(_LEAST_SIGHT, _RIVAL * surest)}
+    return {name: s for name, s in seen.items() if s.chance >= max(LEAST_SIGHT, _RIVAL * surest)}
 
 
 def _claims(
