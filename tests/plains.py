@@ -240,6 +240,9 @@ class PlainIndex(LandmarkIndex[Look]):
 
         super().__init__(lambda digest: digest, lambda digest: None, look, compared)
 
+    def is_by(self, rig: CameraRig, digest: bytes) -> bool:
+        return True
+
     def published(self) -> dict[str, Published]:
         """The older a panorama by its name, the earlier."""
         return {name: Published(name.encode(), -age_of(name)) for name in self.poses}

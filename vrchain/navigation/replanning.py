@@ -39,6 +39,7 @@ class Replanner:
         self.rejections = Rejections(pilot.perception, index, log, pilot.config.share)
         self.own: list[tuple[Pose, Look, int]] = []
         self.failed: set[LandmarkKey] = set()
+        self._doubted: Mapping[str, float] = {}
         self._find = goal.find
         self._alike = cache(pilot.perception.alike)  # asked of the same looks again and again
 
@@ -48,11 +49,13 @@ class Replanner:
         if self.own and self.own[0][0].distance_to_m(self.pilot.here.xy_m) < MOVED_M:
             self.own.pop(0)  # from here it saw the same: it is no second witness
         self.own.insert(0, (self.pilot.here, look, len(self.pilot.looks) - 1))
-        return plan(
+        found = plan(
             self.robot, [(stood, seen) for stood, seen, _ in self.own[:_OWN]], published,
             self.index, self._find, self.failed, self.rejections.sights, self.rejections.trust,
-            self._lasting, self._alike, self.pilot.config.reputation,
+            self._lasting, self._alike, self.pilot.config.reputation, self._doubted,
         )  # fmt: skip
+        self._doubted = found.doubted  # also when what told against it is long published
+        return found
 
     def begin(self, route: Route) -> tuple[Pose, int]:
         """Where a route begins, and the index of the look from there."""

@@ -112,16 +112,7 @@ class Panorama:
     @classmethod
     def decode(cls, blob: bytes) -> "Panorama":
         """The panorama in a blob; ImageError if it is not exactly one."""
-        start = len(_MAGIC) + 4
-        if not blob.startswith(_MAGIC) or len(blob) < start:
-            raise ImageError("expected an encoded panorama, got other bytes")
-        end = start + struct.unpack(">I", blob[len(_MAGIC) : start])[0]
-        try:
-            header = json.loads(blob[start:end])
-            rig, sizes = CameraRig(**header["rig"]), [int(n) for n in header["view_bytes"]]
-            masked = int(header.get("seen_bytes", 0))
-        except (ValueError, KeyError, TypeError, OverflowError, SpecError, RecursionError) as error:
-            raise ImageError(f"encoded panorama: unreadable header ({error})") from error
+        rig, sizes, masked, end = _header(blob)
         ends = np.cumsum([end, *sizes])
         fits = len(sizes) == rig.n_views and ends[-1] + masked == len(blob) and masked >= 0
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
@@ -129,6 +120,11 @@ class Panorama:
         views = [_view(blob[a:b], rig) for a, b in itertools.pairwise(ends)]
         seen = _seen(blob[ends[-1] :], rig, "encoded panorama") if masked else None
         return cls(rig, np.stack(views), seen)
+
+    @staticmethod
+    def rig_of(blob: bytes) -> CameraRig:
+        """The cameras that an encoded panorama says it is of; ImageError. No view is opened."""
+        return _header(blob)[0]
 
     def save(self, folder: Path, about: Mapping[str, object] | None = None) -> None:
         """Write the views, the cylinder (PNG) and the rig (JSON) into an existing folder.
@@ -181,6 +177,20 @@ class Panorama:
 
 def _as_grey(seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return seen.astype(np.uint8) * np.uint8(255)
+
+
+def _header(blob: bytes) -> tuple[CameraRig, list[int], int, int]:
+    """Rig, the bytes of each view and of the mask, and where the views begin."""
+    start = len(_MAGIC) + 4
+    if not blob.startswith(_MAGIC) or len(blob) < start:
+        raise ImageError("expected an encoded panorama, got other bytes")
+    end = start + struct.unpack(">I", blob[len(_MAGIC) : start])[0]
+    try:
+        header = json.loads(blob[start:end])
+        rig, sizes = CameraRig(**header["rig"]), [int(n) for n in header["view_bytes"]]
+        return rig, sizes, int(header.get("seen_bytes", 0)), end
+    except (ValueError, KeyError, TypeError, OverflowError, SpecError, RecursionError) as error:
+        raise ImageError(f"encoded panorama: unreadable header ({error})") from error
 
 
 def _view(coded: bytes, rig: CameraRig) -> NDArray[np.uint8]:

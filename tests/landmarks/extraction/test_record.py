@@ -179,7 +179,8 @@ def with_header(blob: bytes, **said: object) -> bytes:
 
 @pytest.mark.parametrize(
     ("key", "value"),
-    [("proposals", -1), ("proposals", 255), ("keypoints", 10**9), ("embedded", 0),
+    [("proposals", -1), ("proposals", 255), ("keypoints", 10**9), ("keypoints", 4001),
+     ("embedded", 0), ("embedded", 10**30),
      ("spots", [10**6, 32]), ("spots", [0, 32]), ("spots", [-1, -32]), ("spots", [3]),
      ("rig", {"n_views": 0})],
 )  # fmt: skip

@@ -7,7 +7,8 @@ from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.landmarks.matching.common import Comparison, compare
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.panorama import Panorama
+from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama.panorama import pack
 
 POSES = {b"a": Pose(0, 0, 0.3), b"b": Pose(3, 1, -2.0), b"c": Pose(-2, 1, 3.1)}
 BLOBS = {key: sights.look(pose).encode() for key, pose in POSES.items()}
@@ -58,3 +59,16 @@ def test_what_is_no_panorama_is_an_error_each_time(monkeypatch: pytest.MonkeyPat
     for _ in range(2):
         with pytest.raises(ImageError):
             index.look(b"a")
+
+
+def test_by_which_cameras_a_panorama_is_is_known_before_it_is_opened(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """One of 2^27 pixels in a few kilobytes would take seconds and gigabytes."""
+    bomb = pack(CameraRig(width_px=4096, height_px=4096), "png", [b"no picture"] * 8)
+    monkeypatch.setitem(BLOBS, b"bomb", bomb)
+    index = index_of()
+    assert index.is_by(RIG, b"a") and not index.is_by(RIG, b"bomb")
+    monkeypatch.setitem(BLOBS, b"junk", b"junk")
+    with pytest.raises(ImageError):
+        index.is_by(RIG, b"junk")

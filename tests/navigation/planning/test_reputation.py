@@ -5,16 +5,25 @@ from itertools import combinations
 import pytest
 
 from vrchain.geometry import Pose, placed, relative
-from vrchain.navigation.planning.odometry_links import Track
+from vrchain.navigation.planning import reputation
+from vrchain.navigation.planning.odometry_links import Track, unbroken
 from vrchain.navigation.planning.relative_poses import Pair, RelativePose
-from vrchain.navigation.planning.reputation import reputations
 from vrchain.seeding import generator
 
 N_EACH = 8  # panoramas of a robot
 
 
+def reputations(poses: dict[Pair, RelativePose], tracks: list[Track]) -> dict[str, float]:
+    return reputation.reputations(poses, tracks)[0]
+
+
 def team(
-    liars: int = 0, robots: int = 5, wrong: float = 0.0, seed: int = 0, joined: float = 0.4
+    liars: int = 0,
+    robots: int = 5,
+    wrong: float = 0.0,
+    seed: int = 0,
+    joined: float = 0.4,
+    step_m: float = 8.0,
 ) -> tuple[dict[Pair, RelativePose], list[Track]]:
     """Joins and tracks of robots that wandered; the first so many say other ways than they went."""
     draws = generator(seed, "team")
@@ -27,7 +36,7 @@ def team(
             name = f"R{k + 1}~{N_EACH - 1 - n}" if n < N_EACH - 1 else f"R{k + 1}"
             true[name] = here
             track.append((name, said))
-            moved = Pose(*draws.uniform(-8, 8, 2), float(draws.uniform(-1, 1)))
+            moved = Pose(*draws.uniform(-step_m, step_m, 2), float(draws.uniform(-1, 1)))
             here = placed(here, moved)
             turned = Pose(moved.x_m, moved.y_m, float(draws.uniform(-3, 3)))
             told = Pose(-moved.y_m, moved.x_m, turned.yaw_rad) if k < liars else moved
@@ -70,6 +79,16 @@ def test_one_panorama_convicts_nobody_whatever_it_was_joined_to() -> None:
         if k % 2:
             only[pair] = RelativePose(forged, 0.99)
     assert reputations(only, tracks)["R1"] == 1.0
+
+
+def test_many_panoramas_of_one_robot_weigh_no_more_than_one_of_another() -> None:
+    """R3 publishes one forged panorama forty times; R2 tells how R1 moved."""
+    poses, tracks = team(robots=2, joined=1.0)
+    forged, names = Pose(30.0, -9.0, 2.0), [name for name, _ in tracks[0]]
+    for k in range(40):
+        for n, name in enumerate(names):
+            poses[name, f"R3~{k}"] = RelativePose(forged if n % 2 else Pose(1.0, 1.0), 0.99)
+    assert reputations(poses, tracks)["R1"] == 1.0
 
 
 def test_one_mistake_convicts_nobody() -> None:
@@ -119,3 +138,31 @@ def test_panoramas_of_anywhere_say_nothing_against_those_who_know_them() -> None
     said = tuple((name, Pose(3.0 * n, -pose.y_m, 0.0)) for n, (name, pose) in enumerate(tracks[0]))
     told = reputations(poses, [said, tracks[1]])
     assert told["R1"] < 0.2 and told["R2"] == 1.0
+
+
+@pytest.mark.parametrize("times", [0.25, 2.0, 3.0])
+def test_who_says_that_it_drove_farther_or_less_far_is_not_believed(times: float) -> None:
+    """Joins err by a third, so each alone hardly denies it; but none agrees."""
+    for seed in range(4):
+        poses, (own, *others) = team(seed=seed, step_m=20.0)
+        said = tuple((name, Pose(times * at.x_m, times * at.y_m, at.yaw_rad)) for name, at in own)
+        told = reputations(poses, [said, *others])
+        assert told.pop("R1") < 0.5 and min(told.values()) > 0.8
+
+
+@pytest.mark.parametrize("leap_m", [45.0, 400.0])
+def test_one_leap_is_no_lie_of_a_robot_but_it_is_denied(leap_m: float) -> None:
+    for seed in range(4):
+        poses, (own, *others) = team(seed=seed)
+        said = tuple(
+            (name, Pose(at.x_m + leap_m * (n > 3), at.y_m, at.yaw_rad))
+            for n, (name, at) in enumerate(own)
+        )
+        _, denied = reputation.reputations(poses, [said, *others])
+        step = said[3][0], said[4][0]
+        assert step in denied
+        assert all(a.startswith("R1") for a, _ in denied)
+        whole = [name for part in unbroken(said, denied) for name, _ in part]
+        assert whole == [name for name, _ in own]
+        parts = list(unbroken(said, {step}))
+        assert [len(part) for part in parts] == [4, 4] and parts[1][0][0] == step[1]

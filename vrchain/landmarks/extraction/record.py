@@ -265,8 +265,10 @@ def read_parts(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDA
         s, local = (int(x) for x in header["spots"])
         moved = _moved(header["moved"]) if "moved" in header else None
         cells = ROWS // CELL_PX * (columns_of(rig) // CELL_PX)
-        if min(n, k, s) < 0 or n > 254 or not 0 < min(d, local) <= 1024:
-            raise ValueError(f"{n} proposals of {d} numbers, {k} keypoints, {s} spots of {local}")
+        if not (0 <= n <= 254 and 0 <= k <= _KEYPOINTS and 0 <= s <= cells):
+            raise ValueError(f"{n} proposals, {k} keypoints, {s} spots")
+        if not (0 < d <= 1024 and 0 < local <= 1024):
+            raise ValueError(f"proposals of {d} numbers, spots of {local}")
         layout: dict[str, tuple[str, tuple[int, ...]]] = {
             **{m: (f.kind, (n, 4) if m == "box" else (n,)) for m, f in _NUMBERS.items()},
             "kind": ("<u1", (n,)),

@@ -4,7 +4,7 @@ from collections.abc import Callable
 from typing import Generic, TypeVar
 
 from vrchain.landmarks.matching.common import Comparison
-from vrchain.panorama import Panorama
+from vrchain.panorama import CameraRig, Panorama
 
 Look = TypeVar("Look")
 
@@ -26,6 +26,7 @@ class LandmarkIndex(Generic[Look]):
     ) -> None:
         self._read, self._described = read, described
         self._make, self._compare = look, compare
+        self._rigs: dict[bytes, CameraRig] = {}
         self._looks: dict[bytes, Look] = {}
         self._compared: dict[tuple[bytes, bytes], Comparison] = {}
         self._with: dict[tuple[int, bytes], tuple[Look, Comparison]] = {}  # kept: so is its id
@@ -38,6 +39,12 @@ class LandmarkIndex(Generic[Look]):
     def panorama(self, digest: bytes) -> Panorama:
         """The stored panorama."""
         return Panorama.decode(self._read(digest))
+
+    def is_by(self, rig: CameraRig, digest: bytes) -> bool:
+        """Whether a stored panorama says it is of these cameras: no other is worth opening."""
+        if digest not in self._rigs:
+            self._rigs[digest] = Panorama.rig_of(self._read(digest))
+        return self._rigs[digest] == rig
 
     def look(self, digest: bytes) -> Look:
         """What it shows."""

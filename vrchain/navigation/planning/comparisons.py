@@ -2,12 +2,13 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence, Set
 from itertools import combinations, pairwise
+from types import MappingProxyType
 
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.matching.common import Comparison
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.perception import Look
-from vrchain.navigation.planning.odometry_links import links, tracks
+from vrchain.navigation.planning.odometry_links import Track, links, tracks, unbroken
 from vrchain.navigation.planning.pair_selection import bridges, partners
 from vrchain.navigation.planning.relative_poses import (
     Pair,
@@ -27,7 +28,8 @@ class Compared:
 
     own: of the first; looks: what each shows; found: what two of them, in that order, have in
     common. tracks: those of one robot that its odometry links, which need not be compared.
-    reputation: whether a robot is not believed how it moved where pictures contradict it.
+    reputation: whether a robot is not believed how it moved where pictures contradict it. doubted:
+    who was not believed before.
     """
 
     def __init__(
@@ -38,6 +40,7 @@ class Compared:
         index: LandmarkIndex[Look],
         trust: Callable[[Look, Look, Comparison], float],
         reputation: bool = True,
+        doubted: Mapping[str, float] = MappingProxyType({}),
     ) -> None:
         self.own = tuple(panorama_name(robot, k) for k in range(len(own)))
         times = {n: (p.time_ns, robot_of(n), -age_of(n)) for n, p in known.items()}
@@ -49,14 +52,14 @@ class Compared:
         self._known, self._index, self._trust = known, index, trust
         self._place = {name: k for k, name in enumerate(self.names)}
         stood = tuple(zip(self.own, (pose for pose, _ in own), strict=True))
-        self._reputation = reputation
+        self._reputation, self._before = reputation, doubted
         self._ways = {(a, b): relative(p, q) for (a, p), (b, q) in combinations(stood, 2)}
         self._ways |= {(a, b): moved for track in self.tracks for a, b, moved in links(track)}
         self._compared: dict[Pair, RelativePose] = {}
         self._left: list[Pair] = []  # not compared, the likeliest first
         self._bridged = 0
         self._told: RelativePoses | None = None  # these two until something more is compared
-        self._doubted: dict[str, float] | None = None
+        self._heard: tuple[dict[str, float], set[Pair]] | None = None
 
     def poses(self) -> RelativePoses:
         """The relative poses of panoramas, by all comparisons so far and by odometry."""
@@ -66,28 +69,38 @@ class Compared:
 
     def steps(self) -> list[Pair]:
         """From panorama to panorama of robots that are believed how they moved."""
-        doubted = self.doubted()
-        others = (pairwise(name for name, _ in track) for track in self.tracks)
-        steps = (step for track in (pairwise(self.own), *others) for step in track)
-        return [(a, b) for a, b in steps if robot_of(a) not in doubted]
+        others = (pairwise(name for name, _ in track) for track in self._believed())
+        return [step for track in (pairwise(self.own), *others) for step in track]
 
     def _driven(self) -> dict[Pair, RelativePose]:
         """What odometry tells, of robots that are believed."""
-        doubted = self.doubted()
+        _, denied = self._word()
+        followed = {(a, b) for track in self._believed() for a, b, _ in links(track)} - denied
         return {
             pair: RelativePose(moved, 1.0)
             for pair, moved in self._ways.items()
-            if robot_of(pair[0]) not in doubted
+            if pair in followed or pair[0] in self.own
         }
+
+    def _believed(self) -> list[Track]:
+        """The tracks of robots that are believed, without the steps that pictures deny."""
+        doubted, denied = self._word()
+        known = (track for track in self.tracks if robot_of(track[0][0]) not in doubted)
+        return [part for track in known for part in unbroken(track, denied)]
 
     def doubted(self) -> dict[str, float]:
         """Robots whose word of their own way pictures contradict, and the share that agrees."""
+        return self._word()[0]
+
+    def _word(self) -> tuple[dict[str, float], set[Pair]]:
+        """Whose word of its way is not believed, and which links of others' ways are not."""
         if not self._reputation:
-            return {}
-        if self._doubted is None:
-            told = reputations(self._compared, self.tracks)
-            self._doubted = {robot: share for robot, share in told.items() if share < EVEN}
-        return self._doubted
+            return {}, set()
+        if self._heard is None:
+            shares, denied = reputations(self._compared, self.tracks)
+            now = {robot: share for robot, share in shares.items() if share < EVEN}
+            self._heard = {**self._before, **now}, denied
+        return self._heard
 
     def _compare(self, a: str, b: str) -> float:
         """Compare two, in their order: the chance that their relative pose is right."""
@@ -99,7 +112,7 @@ class Compared:
         trust = self._trust(self.looks[a], self.looks[b], found) if found.common else 0.0
         self.found[a, b] = found
         self._compared[a, b] = RelativePose(pose_from(found, self.looks[a].rig), trust)
-        self._told = self._doubted = None
+        self._told = self._heard = None
         return trust
 
     def compare_likely(self, alike: Callable[[Look, Look], float], seers: Set[str]) -> None:

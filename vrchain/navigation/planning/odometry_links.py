@@ -4,7 +4,7 @@ A publisher tells, signed, how it moved since its panorama before. So the panora
 need no common landmark to hang together, and where it drove another can drive.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Set
 from itertools import combinations, pairwise
 
 from vrchain.geometry import Pose, placed, relative
@@ -35,6 +35,16 @@ def tracks(known: Mapping[str, Published], looks: Mapping[str, Look]) -> list[Tr
         else:
             found[-1].append((name, placed(here, moved)))
     return [tuple(track) for track in found]
+
+
+def unbroken(track: Track, denied: Set[tuple[str, str]]) -> Iterator[Track]:
+    """What is left of a track without the steps, two panoramas in succession, that are denied."""
+    begin = 0
+    for k, ((a, _), (b, _)) in enumerate(pairwise(track), 1):
+        if (a, b) in denied:
+            yield track[begin:k]
+            begin = k
+    yield track[begin:]
 
 
 def links(track: Track) -> Iterator[tuple[str, str, Pose]]:

@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import prod
+from types import MappingProxyType
 
 import numpy as np
 
@@ -139,6 +140,7 @@ def plan(
     lasting: Callable[[Published], float] = lambda seen: 1.0,
     alike: Callable[[Look, Look], float] = lambda a, b: 0.0,
     reputation: bool = True,
+    doubted: Mapping[str, float] = MappingProxyType({}),
 ) -> Plan:
     """The chain with the best chance, a product over its landmarks, from ``robot`` to the goal.
 
@@ -149,14 +151,15 @@ def plan(
     trusted. trust: the chance that the relative pose of two panoramas is right; it counts for more
     where others agree, for less where they do not. lasting: the chance that a view has not changed
     since. alike: how much two look alike, where there are too many to compare them all. reputation:
-    whether a robot is not believed how it moved where pictures contradict it.
+    whether a robot is not believed how it moved where pictures contradict it. doubted: who was not
+    believed before.
     """
     rig = own[0][1].rig
     unreadable = tuple(
         n for n in sorted(published) if not _readable(index, published[n].digest, rig)
     )
     known = {name: p for name, p in published.items() if name not in unreadable}
-    panoramas = Compared(robot, own, known, index, trust, reputation)
+    panoramas = Compared(robot, own, known, index, trust, reputation, doubted)
     seen = _sights(known, panoramas.looks, find, rejected)
     panoramas.compare_likely(alike, set(_unrivalled(seen)))
 
@@ -203,7 +206,7 @@ def plan(
 def _readable(index: LandmarkIndex[Look], digest: bytes, rig: CameraRig) -> bool:
     """Whether the panorama is there and is one like the robot's own: it may be anything."""
     try:
-        return index.look(digest).rig == rig
+        return index.is_by(rig, digest) and index.look(digest).rig == rig
     except VRChainError:
         return False
 
