@@ -23,6 +23,7 @@ LEVELS = {
     "files": 0,
     "allocator": 0,
     "lazy": 0,
+    "plugins": 0,
     "yaml_text": 0,
     "panorama": 1,
     "ledger": 1,
@@ -53,7 +54,7 @@ ONLY = {
         "extras",
     },  # a payload is bytes and their digest
     "panorama": {"errors", "geometry", "seeding", "files"},
-    "homing": {"errors", "geometry", "seeding", "panorama", "landmarks"},
+    "homing": {"errors", "geometry", "seeding", "plugins", "panorama", "landmarks"},
     "robot": {"errors", "geometry", "seeding", "panorama", "ledger", "landmarks", "homing"},
     "navigation": {"errors", "geometry", "seeding", "panorama", "landmarks", "homing", "robot"},
 }

@@ -140,7 +140,7 @@ def test_positions_that_form_a_grid_are_known_from_others() -> None:
 @pytest.mark.parametrize(
     ("asked", "word"),
     [
-        ({"methods": ["warp"]}, "no homing method warp: there are epipolar"),
+        ({"methods": ["warp"]}, "no homing method 'warp': there are epipolar"),
         ({"spacing_m": (4.0, 5.0)}, "the nearest two are 0.1 m apart: give another --spacing"),
     ],
 )

@@ -1,6 +1,8 @@
 """Every homing method where the answer is known, and where there is none."""
 
+import sys
 from dataclasses import replace
+from types import ModuleType
 
 import numpy as np
 import pytest
@@ -10,7 +12,7 @@ from sights import RIG, look
 
 from vrchain.errors import ImageError, MissionError
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.homing import METHODS, Snapshot, Views, snapshot, step
+from vrchain.homing import METHODS, HomeVector, Snapshot, Views, method_named, snapshot, step
 from vrchain.homing.warping import Warping
 from vrchain.panorama import CameraRig, Panorama
 
@@ -54,6 +56,26 @@ def test_remoteness_grows_with_the_distance(method: str) -> None:
     assert len(remoteness) == 3 and remoteness == sorted(remoteness)
     if method == "epipolar":
         assert remoteness == pytest.approx([0.5, 1.0, 1.5], rel=0.01)
+
+
+def test_one_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("someone")
+    module.ahead = lambda views, heading_rad: HomeVector(0.5, 0.1, 9, False, 1.0)  # type: ignore[attr-defined]
+    module.none = lambda views, heading_rad: None  # type: ignore[attr-defined]
+    module.pair = lambda views, heading_rad: (0.5, 0.1)  # type: ignore[attr-defined]
+    module.nowhere = lambda *asked: HomeVector(np.nan, 0.1, 9, False, 1.0)  # type: ignore[attr-defined]
+    module.other = 3  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "someone", module)
+    here, home = ring_snapshot(PLACES[0]), ring_snapshot(HOME)
+    vector = step("someone:ahead", here, home)
+    assert vector is not None and vector.bearing_rad == 0.5
+    assert step("someone:none", here, home) is None
+    for name in ("someone:pair", "someone:nowhere"):
+        with pytest.raises(MissionError, match=f"{name}' gave .*expected a HomeVector"):
+            step(name, here, home)
+    for name in ("someone:other", "someone:missing", "nobody:ahead", "nothing"):
+        with pytest.raises(MissionError, match="no homing method"):
+            method_named(name)
 
 
 BLANK = Panorama(RIG, np.full((RIG.n_views, RIG.height_px, RIG.width_px, 3), 90, np.uint8))
@@ -132,7 +154,7 @@ def test_what_no_camera_saw_is_not_taken_for_black() -> None:
 
 
 def test_an_unknown_method_is_named_with_those_there_are() -> None:
-    with pytest.raises(MissionError, match=r"epipolar, scale, .* got 'snapshot'"):
+    with pytest.raises(MissionError, match=r"'snapshot': there are epipolar, scale, "):
         step("snapshot", ring_snapshot(HOME), ring_snapshot(HOME))
 
 

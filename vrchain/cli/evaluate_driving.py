@@ -27,7 +27,8 @@ def homing(
         int, typer.Option(min=1, help="To home to, two in each suburb; 20 to report.")
     ] = 2,
     method: Annotated[
-        list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
+        list[str] | None,
+        typer.Option(metavar="M", help="One for each, or MODULE:NAME of your own; all if none."),
     ] = None,
     seed: Seed = 3000,
     allow_training_seeds: AllowTrainingSeeds = False,
@@ -203,7 +204,8 @@ def homing_database(
     ] = 200,
     spacing: Spacing = (1.0, 5.0),
     method: Annotated[
-        list[str] | None, typer.Option(metavar="M", help="Give one for each; all if none.")
+        list[str] | None,
+        typer.Option(metavar="M", help="One for each, or MODULE:NAME of your own; all if none."),
     ] = None,
     model: Model = None,
     tilt: Annotated[

@@ -34,7 +34,7 @@ from vrchain.experiments.intervals import Bootstrap, table_of
 from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.scenes import Scenes
 from vrchain.geometry import Pose, wrap_angle_rad
-from vrchain.homing import METHODS, HomeVector, Views, snapshot
+from vrchain.homing import METHODS, HomeVector, Views, maker_of, method_named, snapshot
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
 from vrchain.world.model import Scene
@@ -120,7 +120,7 @@ def answers(
             "clear": bool(scene.is_free(way).all()),
         }
         for row in rows:
-            method, compass = METHODS[row.removesuffix(COMPASS)], row.endswith(COMPASS)
+            method, compass = method_named(row.removesuffix(COMPASS)), row.endswith(COMPASS)
             vector = method(views, heading_rad if compass else None)
             found.append({**start, "method": row, **judged(vector, pose.yaw_rad, offset_m)})
     table = pd.DataFrame(found)
@@ -170,15 +170,11 @@ def evaluate(
     rows = list(dict.fromkeys(rows))
     if n_places < 1:
         raise MissionError(f"expected 1 place or more to home to, got {n_places}")
-    unknown = [row for row in rows if row.removesuffix(COMPASS) not in METHODS]
-    if unknown:
-        raise MissionError(
-            f"no homing method {', '.join(unknown)}: there are {', '.join(METHODS)}, "
-            f"each also with {COMPASS!r} behind"
-        )
-    methods = {row: METHODS[row.removesuffix(COMPASS)] for row in rows}
-    # a function's own text is another in each process
-    made_by = {row: getattr(m, "__qualname__", repr(m)) for row, m in methods.items()}
+    made_by = {}
+    for row in rows:  # each may have COMPASS behind
+        name = row.removesuffix(COMPASS)
+        method_named(name)
+        made_by[row] = maker_of(name)
     own = folder_of(folder, scenes, made_by, seed, asdict(grid), asdict(rig))
     files = [own / f"place_{place:04d}.json" for place in range(n_places)]
     tables = kept_each(partial(_home_to, scenes, rows, seed, grid, rig), files, jobs, "places")

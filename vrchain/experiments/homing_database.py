@@ -29,7 +29,7 @@ from vrchain.experiments.homing import COMPASS, RETURNED_M, Free, Grid, judged, 
 from vrchain.experiments.intervals import Bootstrap, or_none, table_of
 from vrchain.experiments.landmarks.degradations import tilted
 from vrchain.geometry import wrap_angle_rad
-from vrchain.homing import METHODS, Snapshot, Views, snapshot
+from vrchain.homing import METHODS, Snapshot, Views, method_named, snapshot
 from vrchain.panorama.databases import DatabaseEntry, height_of, panorama_of
 from vrchain.seeding import generator
 
@@ -56,9 +56,8 @@ def evaluate(
     row's name), answered, course_rad, error_deg, std_rad, arrived, remoteness, n_matches, returned
     (None where positions form no grid). MissionError: a method that there is not, or no pairs.
     """
-    unknown = [name for name in methods if name not in METHODS]
-    if unknown:
-        raise MissionError(f"no homing method {', '.join(unknown)}: there are {', '.join(METHODS)}")
+    for name in methods:
+        method_named(name)
     spacing = grid_spacing_m(entries)
     near_m = spacing_m[0] if spacing is None else 0.0  # a robot that returns comes nearer
     homes = _homes(entries, spacing_m, near_m, most_pairs, generator(seed, "homes"))
@@ -160,7 +159,7 @@ def _from(
                 turned_rad = there.yaw_rad - here.yaw_rad + error * np.radians(error_deg)
                 told = float(wrap_angle_rad(turned_rad))
             row = name if error_deg is None else f"{name}{COMPASS} {error_deg:g}"
-            vector = METHODS[name](views, told)
+            vector = method_named(name)(views, told)
             rows.append(
                 {"home": home, "start": start, "x_m": float(offset_m[0]), "y_m": float(offset_m[1])}
                 | {"range_m": float(np.hypot(*offset_m)), "method": row}

@@ -5,6 +5,7 @@ Pure functions of what two panoramas show; no map, no coordinates. ``METHODS`` h
 """
 
 from collections.abc import Callable, Mapping
+from math import isfinite
 
 from vrchain.errors import MissionError
 from vrchain.homing.epipolar import Epipolar
@@ -13,6 +14,7 @@ from vrchain.homing.scale import scale_space
 from vrchain.homing.views import HomeVector, Snapshot, Views, snapshot
 from vrchain.homing.warping import Warping
 from vrchain.landmarks.extraction.sift import Features
+from vrchain.plugins import plugged_in
 
 __all__ = [
     "METHODS",
@@ -21,6 +23,8 @@ __all__ = [
     "Snapshot",
     "Views",
     "home_vector",
+    "maker_of",
+    "method_named",
     "snapshot",
     "step",
 ]
@@ -36,17 +40,47 @@ METHODS: Mapping[str, Method] = {
 }
 
 
+def method_named(name: str) -> Method:
+    """A homing method by its name, or MODULE:NAME of one's own. MissionError: there is none."""
+    if name in METHODS:
+        return METHODS[name]
+    found, why = plugged_in(name)
+    if not callable(found):
+        why = f" ({name} is a {type(found).__name__})" if found is not None else why and f" ({why})"
+        raise MissionError(
+            f"no homing method {name!r}{why}: there are {', '.join(METHODS)}; and MODULE:NAME of "
+            "your own"
+        )
+
+    def checked(views: Views, heading_rad: float | None) -> HomeVector | None:
+        vector = found(views, heading_rad)
+        if vector is None or (isinstance(vector, HomeVector) and isfinite(vector.bearing_rad)):
+            return vector
+        raise MissionError(
+            f"the homing method {name!r} gave {vector!r:.80}: expected a HomeVector, whose bearing "
+            "is a number, or None"
+        )
+
+    return checked
+
+
+def maker_of(name: str) -> str:
+    """What tells a method's answers from those of another, or of one's own before an edit."""
+    method = METHODS.get(name)
+    # a function's own text is another in each process
+    return plugged_in(name)[1] if method is None else getattr(method, "__qualname__", repr(method))
+
+
 def step(
     method: str, current: Snapshot, home: Snapshot, heading_rad: float | None = None
 ) -> HomeVector | None:
-    """One homing step by a named method; None when the two views share too little.
+    """One homing step by a method; None when the two views share too little.
 
-    heading_rad: home's heading against the robot's, anticlockwise, if a compass tells.
-    MissionError: there is no such method. ImageError: the panoramas were taken from two heights.
+    method: as ``method_named`` takes it. heading_rad: home's heading against the robot's,
+    anticlockwise, if a compass tells. MissionError: there is no such method. ImageError: the
+    panoramas were taken from two heights.
     """
-    if method not in METHODS:
-        raise MissionError(f"expected a homing method of {', '.join(METHODS)}, got {method!r}")
-    return METHODS[method](Views(current, home), heading_rad)
+    return method_named(method)(Views(current, home), heading_rad)
 
 
 def home_vector(

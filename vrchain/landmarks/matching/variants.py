@@ -6,9 +6,6 @@ It is given by where it is found, ``--variant mymodule:mine``, and stands in eve
 others.
 """
 
-import hashlib
-import importlib
-import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache, lru_cache, partial
@@ -33,6 +30,7 @@ from vrchain.landmarks.matching.common import (
 )
 from vrchain.landmarks.matching.joint import JOINT, JointConfig, compare_joint
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.plugins import plugged_in
 
 DEFAULT = "cnn+sift"
 HALF = ", half resolution"
@@ -140,24 +138,16 @@ def _joint(name: str, config: JointConfig, weights: Path, min_score: float | Non
 
 
 def _plugged_in(name: str) -> Variant:
-    """MODULE:NAME, of a module that Python finds, or in the current folder."""
-    module, _, attribute = name.partition(":")
-    here = str(Path.cwd())
-    if here not in sys.path:
-        sys.path.append(here)
-    try:
-        source = importlib.import_module(module) if attribute else None
-        found = getattr(source, attribute) if attribute else None
-        why = f" ({name} is a {type(found).__name__}, not a Variant)" if attribute else ""
-    except Exception as error:  # a module of somebody's own may fail in any way
-        found, why = None, f" ({type(error).__name__}: {' '.join(str(error).split())})"
+    found, made_of = plugged_in(name)
     if not isinstance(found, Variant):
+        is_a = (
+            f"{name} is a {type(found).__name__}, not a Variant" if found is not None else made_of
+        )
+        why = f" ({is_a})" if is_a else ""
         raise MissionError(
             f"no variant {name!r}{why}: there are {'; '.join(['sift', *JOINT, FEWER])}; these with "
             f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
         )
-    file = getattr(source, "__file__", None)
-    made_of = hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
     return replace(_checked(found), maker=f"{found.maker} {made_of}")
 
 
