@@ -2,6 +2,7 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -9,7 +10,7 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 
-from recordings import changed, recording, write
+from recordings import Row, changed, recording, stamped, write
 
 from vrchain.cli import main
 from vrchain.ledger import verify
@@ -40,6 +41,25 @@ def test_what_is_in_a_bag(bag: Path, capsys: pytest.CaptureFixture[str]) -> None
     assert "R7=/R7: R7: no topic begins with /R7/" in capsys.readouterr().out
     call("bag", "info", bag)
     assert "R1=/R1: 12 moments, 7.1 m by odometry; 8 views" in capsys.readouterr().out
+
+
+def test_of_what_cannot_be_published_info_says_so_too(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Its odometry is of another hour."""
+
+    def later(row: Row) -> Row:
+        then_ns = row.received_ns + 3600 * 10**9
+        return stamped(replace(row, received_ns=then_ns), then_ns)
+
+    bag = write(changed(recording(), "odom", later), tmp_path / "bag")
+    call("bag", "info", bag)
+    lacks = "no moment has both pictures and odometry within 1 s of them"
+    assert f"R1=/R1: {lacks}" in capsys.readouterr().out
+    call("ledger", "init", tmp_path / "team", "--member", "R1", "--keys", tmp_path / "keys")
+    asked = ("--robot", "R1=/R1", "--keys", tmp_path / "keys", "--no-landmarks")
+    call("bag", "publish", bag, tmp_path / "team", *asked, status=1)
+    assert f"R1: {lacks}" in capsys.readouterr().err
 
 
 def test_a_bag_into_a_ledger(bag: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -44,7 +44,10 @@ def info(
     as_json: Json = False,
 ) -> None:
     """What bags hold, and what would be used of it; robots are guessed if none is told."""
+    from vrchain.publisher import LOOK_EVERY_M
+    from vrchain.robot import UpdateRules
     from vrchain.ros.contents import contents_of, gaps_of
+    from vrchain.ros.publishing import looks_of
     from vrchain.ros.robots import load_rig, robot_in, robots_in
 
     said: list[str] = []
@@ -59,6 +62,7 @@ def info(
         lines: list[str] = []
         try:
             found = robot_in(contents, name, namespace, told, slop, lines.append)
+            looks_of(found, LOOK_EVERY_M, UpdateRules().max_age_s)
         except VRChainError as error:
             robots[name] = {"namespace": namespace, "lacks": str(error), "notes": lines}
             continue

@@ -24,6 +24,7 @@ from vrchain.ledger.network.log import put as put_blocks
 from vrchain.ledger.network.maker import Maker
 from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.opening import follow_servers, open_ledger
+from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream, set_up
 from vrchain.ledger.network.watching import watched
 from vrchain.ledger.records.fields import check_name
@@ -288,6 +289,10 @@ def watch(
                 if line not in told:
                     _say(as_json, result, line)
                     told.add(line)
+        trouble = opened.trouble.values() if isinstance(opened, RobotLedger) else ()
+        for error in trouble:
+            if not isinstance(error, UnavailableError):  # what does not mend itself
+                raise error
 
 
 def _check_same(

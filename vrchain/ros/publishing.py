@@ -190,7 +190,7 @@ def _observation(look: Look, panorama: Panorama | None) -> Observation:
 
 
 def looks_of(recorded: Recorded, look_every_m: float, max_age_s: float) -> list[Look]:
-    """When the robot would have looked around: as it does live, by way and time alone."""
+    """When the robot would have looked around: as it does live, by way and time alone. BagError."""
     found: list[Look] = []
     last = None
     for moment in recorded.moments:
@@ -202,6 +202,8 @@ def looks_of(recorded: Recorded, look_every_m: float, max_age_s: float) -> list[
         if look_due(last, seen, look_every_m, max_age_s):
             found.append(look)
             last = seen
+    if not found:
+        raise BagError("no moment has both pictures and odometry within 1 s of them")
     return found
 
 
@@ -246,9 +248,10 @@ def publish_bags(
     players = []
     for name, namespace in robots.items():
         recorded = robot_in(contents, name, namespace, told, slop_s, tell)
-        looks = looks_of(recorded, look_every_m, rules.max_age_s)
-        if not looks:
-            raise BagError(f"{name}: no moment has both pictures and odometry within 1 s of them")
+        try:
+            looks = looks_of(recorded, look_every_m, rules.max_age_s)
+        except BagError as error:
+            raise BagError(f"{name}: {error}") from None
         publisher = Publisher(name, ledger, keys[name], rules, examine)
         players.append(_Player(recorded, publisher, ledger, tell, looks, pictures))
     del contents

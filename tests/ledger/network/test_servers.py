@@ -299,6 +299,10 @@ def test_the_commands_of_a_cluster(folder: Path, tmp_path: Path) -> None:
         eventually(lambda: any(row.get("block_leads") for row in cluster.status()))
         watched = said("ledger", "watch", address, "--folder", tmp_path / "copy", "--seconds", 3)
         assert "block 4 by R3: transaction 0 of R3" in watched
+        with Ledger.create(tmp_path / "other", {}, OPERATOR_KEY, name="other"):
+            pass
+        words = ("ledger", "watch", address, "--folder", tmp_path / "other", "--seconds", 3)
+        assert "hold another ledger" in said(*words, status=1)
         assert "ended 2 servers" in said("cluster", "down", "-o", where)
         assert left_in(where) == []
     finally:
