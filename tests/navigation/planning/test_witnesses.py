@@ -26,10 +26,10 @@ def find(look: Shown, bearing_rad: float, window_rad: float) -> GoalSight | None
 
 
 def chance_with(
-    witnesses: dict[Pose, Shown], sight: GoalSight = SIGHT, trust: float = 1.0
+    witnesses: dict[Pose, Shown], sight: GoalSight = SIGHT, trust: float = 1.0, by: str = "W{}"
 ) -> float:
-    """That A's sight is of the goal. A is at the origin; trust: in all relative poses."""
-    at = {f"W{k}": pose for k, pose in enumerate(witnesses)}
+    """That the sight of A, at the origin, is of the goal. trust: in all poses; by: their names."""
+    at = {by.format(k): pose for k, pose in enumerate(witnesses)}
     known = {("A", w): RelativePose(relative(Pose(0.0, 0.0), p), trust) for w, p in at.items()}
     looks = {"A": Shown(0.0), **dict(zip(at, witnesses.values(), strict=True))}
     return borne_out({"A": sight}, looks, RelativePoses(known), find)["A"].chance
@@ -61,6 +61,20 @@ def test_one_sight_is_worth_little_against_many() -> None:
     surest = replace(SIGHT, chance=0.9999)
     assert chance_with({}, surest) == 0.9999
     assert chance_with(dict.fromkeys(BESIDE, NOTHING), surest) < 0.5
+
+
+def test_another_robot_speaks_against_it_twice_at_most() -> None:
+    """R5 says that it drove round the goal, and publishes walls; A's own word counts in full."""
+    surest, ring = replace(SIGHT, chance=0.9), [Pose(20.0, 3.0 + k) for k in range(6)]
+    walls = dict.fromkeys(ring, NOTHING)
+    assert chance_with(walls, surest, by="R5~{}") == chance_with(
+        dict.fromkeys(ring[:2], NOTHING), surest
+    )
+    assert (
+        chance_with(walls, surest, by="R5~{}") > 0.5 > 0.1 > chance_with(walls, surest, by="A~{}")
+    )
+    honest = {Pose(20.0, 12.0): Shown(0.9, range_m=12.0)}
+    assert chance_with(walls | honest, surest, by="R5~{}") > 0.8  # it is heard all the same
 
 
 @pytest.mark.parametrize("chance", [0.0, 1.0])

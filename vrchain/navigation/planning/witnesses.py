@@ -4,6 +4,7 @@ A panorama alone takes what looks like the goal for it now and then, mostly from
 passed nearer has seen the same thing better.
 """
 
+from collections import Counter
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
@@ -13,6 +14,7 @@ from vrchain.geometry import Pose
 from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.perception import Look
 from vrchain.navigation.planning.relative_poses import ORIGIN, RelativePoses
+from vrchain.navigation.settings import robot_of
 
 Find = Callable[..., GoalSight | None]
 """The goal in a look, or in it within a window around a bearing: both in radians."""
@@ -20,6 +22,9 @@ Find = Callable[..., GoalSight | None]
 # The odds times so much for each witness that sees the goal there, and for each that sees nothing
 # like it; of so many, the nearest to it. One sight is worth odds of 20 at most, once others speak.
 _FOR, _AGAINST, _HEARD, _ALONE = 4.0, 0.36, 6, 20.0
+# So often a robot speaks against another's sight: it may publish walls along a way that it never
+# went. Of 389 sights in missions of seed 1387 that moved three, over 0.3.
+_EACH = 2
 _NEAR_M, _TOO_NEAR_M = 25.0, 1.5
 _SEES, _NOTHING = 0.5, 0.05  # chance of a sight from which it speaks for the goal, or against it
 _SAME_M = 12.0  # within which two sights are of one thing
@@ -53,16 +58,20 @@ def _chance(
     there_m = sight.place(taken[name]).xy_m
     ranges = sorted((pose.distance_to_m(there_m), other) for other, pose in taken.items())
     near = [other for m, other in ranges if _TOO_NEAR_M <= m <= _NEAR_M and other != name]
-    heard = near[:_HEARD]
     odds = sight.chance / (1 - sight.chance)
-    odds = min(odds, _ALONE) if heard else odds
-    for other in heard:
-        if odds < _LOST:
+    odds, heard = min(odds, _ALONE) if near else odds, 0
+    against = Counter[str]()
+    for other in near:
+        here, robot = taken[other], robot_of(other)
+        if odds < _LOST or heard == _HEARD:
             break
-        here = taken[other]
         again = find(looks[other], here.bearing_to_rad(there_m), _WINDOW_RAD)
         if again is None or again.chance < _NOTHING:
+            against[robot] += 1
+            if robot != robot_of(name) and against[robot] > _EACH:
+                continue
             odds *= _AGAINST
         elif again.chance >= _SEES and np.hypot(*(again.place(here).xy_m - there_m)) < _SAME_M:
             odds *= _FOR
+        heard += 1
     return float(odds / (1 + odds))
