@@ -58,7 +58,10 @@ def missions(n: int = 1, robots: int = 4, arms: tuple = ("oracle",), **asked: An
         (partial(retrieval.evaluate, MANY, 1, retrieval.SearchConfig(0)), "1 panorama, goal and"),
         (partial(retrieval.evaluate, MANY, 1, retrieval.SearchConfig(1, 0)), "1 panorama, goal"),
         (partial(homing.evaluate, MANY, 0), "1 place or more to home to, got 0"),
-        (partial(homing.evaluate, MANY, 1, ["snapshot"]), "method snapshot: there are epipolar, s"),
+        (
+            partial(homing.evaluate, MANY, 1, ["snapshot"]),
+            "method 'snapshot': there are epipolar, s",
+        ),
         (partial(goals.evaluate, MANY, 1, 0), "1 suburb and goal or more, got 1 and 0"),
         (missions(0), "expected 1 mission or more"),
         (missions(arms=("magic",)), "and arms of ledger, alone, oracle, got 1 and magic"),
