@@ -3,25 +3,34 @@
 import hashlib
 import importlib
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from vrchain.errors import MissionError
 
-def plugged_in(name: str) -> tuple[Any, str]:
-    """What MODULE:NAME is, of a module that Python finds, or in the current folder; by its content.
 
-    None, and why: there is no such thing, or its module fails, in whatever way.
+def plugged_in(name: str, what: str, known: str, fits: Callable[[Any], bool]) -> tuple[Any, str]:
+    """What MODULE:NAME is, of a module that Python finds or in the current folder, and its digest.
+
+    what: it should be; known: those that there are, for who asks for another; fits: whether it is
+    one. MissionError if it is none, is not there, or if its module fails, in whatever way.
     """
     module, _, attribute = name.partition(":")
-    if not attribute:
-        return None, ""
     here = str(Path.cwd())
     if here not in sys.path:
         sys.path.append(here)
-    try:
-        source = importlib.import_module(module)
-        found = getattr(source, attribute)
-    except Exception as error:
-        return None, f"{type(error).__name__}: {' '.join(str(error).split())}"
+    source, found, why = None, None, ""
+    if attribute:
+        try:
+            source = importlib.import_module(module)
+            found = getattr(source, attribute)
+            why = f" ({name} is a {type(found).__name__}, not a {what})"
+        except Exception as error:
+            why = f" ({type(error).__name__}: {' '.join(str(error).split())})"
+    if source is None or not fits(found):
+        raise MissionError(
+            f"no {what} {name!r}{why}: there are {known}; and MODULE:NAME of your own"
+        )
     file = getattr(source, "__file__", None)
     return found, hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""

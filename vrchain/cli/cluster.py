@@ -289,10 +289,8 @@ def watch(
                 if line not in told:
                     _say(as_json, result, line)
                     told.add(line)
-        trouble = opened.trouble.values() if isinstance(opened, RobotLedger) else ()
-        for error in trouble:
-            if not isinstance(error, UnavailableError):  # what does not mend itself
-                raise error
+        if isinstance(opened, RobotLedger):
+            opened.raise_trouble()
 
 
 def _check_same(

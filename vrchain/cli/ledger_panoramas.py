@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from vrchain.panorama import Panorama
 
 PICTURES = "pictures.json"  # the table beside exported pictures
+_START = Pose(0.0, 0.0)
 
 
 def panorama_in(folder: Path, landmarks: bytes | None) -> tuple[bytes, bytes]:
@@ -153,15 +154,14 @@ def plan_json(own: "GoalSight | None", plan: "Plan") -> dict[str, Any]:
     """
     from vrchain.reader import HERE
 
-    start, route = Pose(0.0, 0.0), plan.route
-    stood = plan.poses.reached({HERE: start})
+    route, stood = plan.route, plan.poses.reached({HERE: _START})
     seen_by = dict[str, Any]()
     for name, sight in (({HERE: own} if own else {}) | dict(plan.goal_seen_by)).items():
         place = sight.place(stood[name]).xy_m if name in stood else None
         seen_by[name] = {
             "chance": sight.chance,
             **_placed(sight.bearing_rad, sight.surface_m),
-            "from_here": None if place is None else _from(start, place),
+            "from_here": None if place is None else _from_here(place),
         }
     return {
         "here": HERE,
@@ -177,7 +177,7 @@ def plan_json(own: "GoalSight | None", plan: "Plan") -> dict[str, Any]:
         "trust": route.trust if route else None,
         "why_none": plan.why_none,
         "unreadable": list(plan.unreadable),
-        "panoramas": {name: _from(start, pose.xy_m) for name, pose in stood.items()},
+        "panoramas": {name: _from_here(pose.xy_m) for name, pose in stood.items()},
         "graph": [
             {"landmark": f"N{i + 1}", "a": claim.a, "b": claim.b, "score": claim.score}
             for i, claim in plan.graph.legs
@@ -185,8 +185,8 @@ def plan_json(own: "GoalSight | None", plan: "Plan") -> dict[str, Any]:
     }  # fmt: skip
 
 
-def _from(here: Pose, xy_m: "NDArray[np.float64]") -> dict[str, float]:
-    return _placed(here.bearing_to_rad(xy_m), here.distance_to_m(xy_m))
+def _from_here(xy_m: "NDArray[np.float64]") -> dict[str, float]:
+    return _placed(_START.bearing_to_rad(xy_m), _START.distance_to_m(xy_m))
 
 
 def _placed(bearing_rad: float, range_m: float) -> dict[str, float]:

@@ -104,6 +104,7 @@ def answers(
     draws: gives the headings.
     """
     scene, points = renderer.scene, grid.points_m()
+    methods = {row: method_named(row.removesuffix(COMPASS)) for row in rows}
     then = snapshot(renderer.render(home, rig))
     yaws = draws.uniform(-np.pi, np.pi, len(points))
     free = scene.is_free(home.xy_m + points)
@@ -120,8 +121,7 @@ def answers(
             "clear": bool(scene.is_free(way).all()),
         }
         for row in rows:
-            method, compass = method_named(row.removesuffix(COMPASS)), row.endswith(COMPASS)
-            vector = method(views, heading_rad if compass else None)
+            vector = methods[row](views, heading_rad if row.endswith(COMPASS) else None)
             found.append({**start, "method": row, **judged(vector, pose.yaw_rad, offset_m)})
     table = pd.DataFrame(found)
     for row in rows:
@@ -170,11 +170,7 @@ def evaluate(
     rows = list(dict.fromkeys(rows))
     if n_places < 1:
         raise MissionError(f"expected 1 place or more to home to, got {n_places}")
-    made_by = {}
-    for row in rows:  # each may have COMPASS behind
-        name = row.removesuffix(COMPASS)
-        method_named(name)
-        made_by[row] = maker_of(name)
+    made_by = {row: maker_of(row.removesuffix(COMPASS)) for row in rows}
     own = folder_of(folder, scenes, made_by, seed, asdict(grid), asdict(rig))
     files = [own / f"place_{place:04d}.json" for place in range(n_places)]
     tables = kept_each(partial(_home_to, scenes, rows, seed, grid, rig), files, jobs, "places")

@@ -29,7 +29,7 @@ from vrchain.experiments.homing import COMPASS, RETURNED_M, Free, Grid, judged, 
 from vrchain.experiments.intervals import Bootstrap, or_none, table_of
 from vrchain.experiments.landmarks.degradations import tilted
 from vrchain.geometry import wrap_angle_rad
-from vrchain.homing import METHODS, Snapshot, Views, method_named, snapshot
+from vrchain.homing import METHODS, Method, Snapshot, Views, method_named, snapshot
 from vrchain.panorama.databases import DatabaseEntry, height_of, panorama_of
 from vrchain.seeding import generator
 
@@ -56,8 +56,7 @@ def evaluate(
     row's name), answered, course_rad, error_deg, std_rad, arrived, remoteness, n_matches, returned
     (None where positions form no grid). MissionError: a method that there is not, or no pairs.
     """
-    for name in methods:
-        method_named(name)
+    named = {name: method_named(name) for name in methods}
     spacing = grid_spacing_m(entries)
     near_m = spacing_m[0] if spacing is None else 0.0  # a robot that returns comes nearer
     homes = _homes(entries, spacing_m, near_m, most_pairs, generator(seed, "homes"))
@@ -69,7 +68,7 @@ def evaluate(
             rows = [
                 row
                 for start in pairs
-                for row in _from(entries, look, start, home, methods, compass_errors_deg, seed)
+                for row in _from(entries, look, start, home, named, compass_errors_deg, seed)
             ]
             found.append(_with_returns(pd.DataFrame(rows), spacing))
             if tilt_deg or len(tilts_deg) > 1:
@@ -142,7 +141,7 @@ def _from(
     look: Callable[[int], Snapshot],
     start: int,
     home: int,
-    methods: Sequence[str],
+    methods: Mapping[str, Method],
     compass_errors_deg: Sequence[float],
     seed: int,
 ) -> list[dict[str, object]]:
@@ -152,14 +151,14 @@ def _from(
     error = generator(seed, "compass", start, home).normal()
     views = Views(look(start), look(home))
     rows: list[dict[str, object]] = []
-    for name in methods:
+    for name, method in methods.items():
         for error_deg in (None, *compass_errors_deg):
             told = None
             if error_deg is not None:
                 turned_rad = there.yaw_rad - here.yaw_rad + error * np.radians(error_deg)
                 told = float(wrap_angle_rad(turned_rad))
             row = name if error_deg is None else f"{name}{COMPASS} {error_deg:g}"
-            vector = method_named(name)(views, told)
+            vector = method(views, told)
             rows.append(
                 {"home": home, "start": start, "x_m": float(offset_m[0]), "y_m": float(offset_m[1])}
                 | {"range_m": float(np.hypot(*offset_m)), "method": row}

@@ -44,13 +44,7 @@ def method_named(name: str) -> Method:
     """A homing method by its name, or MODULE:NAME of one's own. MissionError: there is none."""
     if name in METHODS:
         return METHODS[name]
-    found, why = plugged_in(name)
-    if not callable(found):
-        why = f" ({name} is a {type(found).__name__})" if found is not None else why and f" ({why})"
-        raise MissionError(
-            f"no homing method {name!r}{why}: there are {', '.join(METHODS)}; and MODULE:NAME of "
-            "your own"
-        )
+    found, _ = _own(name)
 
     def checked(views: Views, heading_rad: float | None) -> HomeVector | None:
         vector = found(views, heading_rad)
@@ -65,10 +59,17 @@ def method_named(name: str) -> Method:
 
 
 def maker_of(name: str) -> str:
-    """What tells a method's answers from those of another, or of one's own before an edit."""
+    """What tells a method's answers from those of another, or of one's own before an edit.
+
+    MissionError: there is no such method.
+    """
     method = METHODS.get(name)
     # a function's own text is another in each process
-    return plugged_in(name)[1] if method is None else getattr(method, "__qualname__", repr(method))
+    return _own(name)[1] if method is None else getattr(method, "__qualname__", repr(method))
+
+
+def _own(name: str) -> tuple[Method, str]:
+    return plugged_in(name, "homing method", ", ".join(METHODS), callable)
 
 
 def step(

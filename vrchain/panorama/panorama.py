@@ -179,14 +179,20 @@ def _as_grey(seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     return seen.astype(np.uint8) * np.uint8(255)
 
 
+def told_by(blob: bytes, magic: bytes, what: str) -> tuple[bytes, int]:
+    """The header of something encoded, magic, length, header, and where it ends. ImageError."""
+    start = len(magic) + 4
+    if not blob.startswith(magic) or len(blob) < start:
+        raise ImageError(f"expected {what}, got other bytes")
+    end = start + struct.unpack(">I", blob[len(magic) : start])[0]
+    return blob[start:end], end
+
+
 def _header(blob: bytes) -> tuple[CameraRig, list[int], int, int]:
     """Rig, the bytes of each view and of the mask, and where the views begin."""
-    start = len(_MAGIC) + 4
-    if not blob.startswith(_MAGIC) or len(blob) < start:
-        raise ImageError("expected an encoded panorama, got other bytes")
-    end = start + struct.unpack(">I", blob[len(_MAGIC) : start])[0]
+    told, end = told_by(blob, _MAGIC, "an encoded panorama")
     try:
-        header = json.loads(blob[start:end])
+        header = json.loads(told)
         rig, sizes = CameraRig(**header["rig"]), [int(n) for n in header["view_bytes"]]
         return rig, sizes, int(header.get("seen_bytes", 0)), end
     except (ValueError, KeyError, TypeError, OverflowError, SpecError, RecursionError) as error:

@@ -32,6 +32,7 @@ from vrchain.landmarks.extraction.spots import (
 )
 from vrchain.landmarks.extraction.weights import SHIPPED, load_network, weights_digest
 from vrchain.panorama import CameraRig, Panorama
+from vrchain.panorama.panorama import told_by
 
 Array = NDArray[np.float64]
 
@@ -254,12 +255,9 @@ def read_parts(blob: bytes) -> tuple[dict, CameraRig, Pose | None, dict[str, NDA
 
     ImageError if the bytes are not exactly one record.
     """
-    start = len(_MAGIC) + 4
-    if not blob.startswith(_MAGIC) or len(blob) < start:
-        raise ImageError("expected a landmark record, got other bytes")
-    end = start + struct.unpack(">I", blob[len(_MAGIC) : start])[0]
+    told, end = told_by(blob, _MAGIC, "a landmark record")
     try:
-        header = json.loads(blob[start:end])
+        header = json.loads(told)
         rig, header["maker"] = CameraRig(**header["rig"]), str(header["maker"])
         n, d, k = (int(header[key]) for key in ("proposals", "embedded", "keypoints"))
         s, local = (int(x) for x in header["spots"])

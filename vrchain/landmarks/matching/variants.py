@@ -138,16 +138,8 @@ def _joint(name: str, config: JointConfig, weights: Path, min_score: float | Non
 
 
 def _plugged_in(name: str) -> Variant:
-    found, made_of = plugged_in(name)
-    if not isinstance(found, Variant):
-        is_a = (
-            f"{name} is a {type(found).__name__}, not a Variant" if found is not None else made_of
-        )
-        why = f" ({is_a})" if is_a else ""
-        raise MissionError(
-            f"no variant {name!r}{why}: there are {'; '.join(['sift', *JOINT, FEWER])}; these with "
-            f"{HALF!r} behind; WEIGHTS.pt; and MODULE:NAME of your own"
-        )
+    known = f"{'; '.join(['sift', *JOINT, FEWER])}; these with {HALF!r} behind; WEIGHTS.pt"
+    found, made_of = plugged_in(name, "variant", known, lambda it: isinstance(it, Variant))
     return replace(_checked(found), maker=f"{found.maker} {made_of}")
 
 

@@ -130,14 +130,18 @@ class RobotLedger(Replicated):
         asked_s = time.monotonic()
         self._until(lambda: self._followed_s >= asked_s, timeout_s)
 
+    def raise_trouble(self, late: bool = False) -> None:
+        """Raise what keeps it from its servers and does not mend itself; if late, whatever does."""
+        for error in list(self.trouble.values()):
+            if late or not isinstance(error, UnavailableError):
+                raise error
+
     def _until(self, met: Callable[[], bool], timeout_s: float) -> None:
         until_s = time.monotonic() + timeout_s
         self.refresh()
         while not met():
             late = time.monotonic() > until_s
-            for error in list(self.trouble.values()):
-                if late or not isinstance(error, UnavailableError):
-                    raise error
+            self.raise_trouble(late)
             if late:
                 raise UnavailableError(f"{self.outbox.count()} still wait in {self.outbox.folder}")
             time.sleep(_LOOK_S)

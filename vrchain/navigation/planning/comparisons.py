@@ -75,11 +75,12 @@ class Compared:
     def _driven(self) -> dict[Pair, RelativePose]:
         """What odometry tells, of robots that are believed."""
         _, denied = self._word()
-        followed = {(a, b) for track in self._believed() for a, b, _ in links(track)} - denied
+        part = {name: k for k, track in enumerate(self._believed()) for name, _ in track}
+        part |= dict.fromkeys(self.own, -1)
         return {
-            pair: RelativePose(moved, 1.0)
-            for pair, moved in self._ways.items()
-            if pair in followed or pair[0] in self.own
+            (a, b): RelativePose(moved, 1.0)
+            for (a, b), moved in self._ways.items()
+            if a in part and part[a] == part.get(b) and (a, b) not in denied
         }
 
     def _believed(self) -> list[Track]:

@@ -56,8 +56,9 @@ def reputations(
             told[robot_of(a)][name].setdefault(witness, Counter())[verdict] += 1
     found = dict.fromkeys((robot_of(name) for track in tracks for name, _ in track), 1.0)
     for robot, own in told.items():
-        witnesses = sorted({witness for by in own.values() for witness in by})
-        found[robot] = max(_share(own.values(), witness) for witness in ["", *witnesses])
+        # to leave out who does nothing but agree makes no share larger
+        against = {w for by in own.values() for w, said in by.items() if said[-1] + said[0]}
+        found[robot] = max(_share(own.values(), witness) for witness in ("", *against))
     return found, {pair for pair, more in says.items() if more < -1}
 
 
