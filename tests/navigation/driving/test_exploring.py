@@ -119,6 +119,33 @@ def test_what_somebody_has_seen_from_near_it_does_not_go_to_see() -> None:
     assert pilot.here.y_m < -6.0
 
 
+@pytest.mark.parametrize(("chance", "goes"), [(0.3, True), (0.1, False)])
+def test_what_looks_like_the_goal_it_sees_from_another_side(chance: float, goes: bool) -> None:
+    """Before it goes where nobody has been; not the same side again, nor what looks less so."""
+    house = Plain((Thing("house", (0.0, 14.0)),))
+    for looked, new in (((0.0, 2.0), goes), ((0.0, 27.0), False)):
+        pilot = Pilot(Walker(house, Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
+        pilot.look_around()
+        explorer = Explorer(pilot, lambda look: np.full(len(look.proposals), chance), silent)
+        sides = [looked, (13.0, 14.0), (-13.0, 14.0)]
+        explorer.drive_on(looked_at(*sides))
+        assert explorer._target is not None
+        beside_m = float(np.hypot(*(explorer._target - (0.0, 14.0))))
+        assert (beside_m < 12.0) is new
+
+
+def test_it_never_stands_still() -> None:
+    """Though more shows 3 m from where it has just looked: of the house behind, 18 m from there."""
+    houses = Plain((Thing("house", (0.0, 14.0)), Thing("behind", (0.0, 41.5))))
+    pilot = Pilot(Walker(houses, Pose(0.0, 0.0)), PERCEPTION, MissionConfig())
+    explorer = Explorer(pilot, lambda look: np.full(len(look.proposals), 0.3), silent)
+    for _ in range(20):
+        pilot.look_around()
+        stood = pilot.here
+        explorer.drive_on()
+        assert pilot.here != stood
+
+
 def test_what_cannot_be_got_to_is_left() -> None:
     """Shut in, it tries another place each time."""
     things = Plain((Thing("ahead", (40.0, 0.0)), Thing("behind", (-55.0, 0.0))))
