@@ -246,6 +246,7 @@ COUNTS = [  # command, option, least, most
     ("evaluate homing {}", "--places", 1, None),
     ("evaluate homing-database {}", "--pairs", 1, None),
     ("evaluate goals {}", "--goals", 1, None),
+    ("evaluate approaches {}", "--goals", 1, None),
     ("bench render {}", "--positions", 1, None),
     ("bench landmarks {}", "--positions", 1, None),
     ("bench planner", "--tasks", 1, None),
@@ -256,7 +257,8 @@ COUNTS = [  # command, option, least, most
 SEEDED = ["navigate {} -o out"] + [
     f"{group} {name}"
     for group, names in {
-        "evaluate": "landmarks degraded strangers search homing homing-database navigation goals",
+        "evaluate": "landmarks degraded strangers search homing homing-database navigation goals "
+        "approaches",
         "bench": "render landmarks planner cluster ledger",
     }.items()
     for name in names.split()
@@ -298,6 +300,7 @@ def test_a_number_out_of_bounds_is_refused_before_a_scene_is_built(
         (("evaluate homing", "-o", "/proc/new"), "cannot write"),
         (("evaluate navigation", "-o", "/proc/new"), "cannot write"),
         (("evaluate goals", "-o", "/proc/new"), "cannot write"),
+        (("evaluate approaches", "-o", "/proc/new"), "cannot write"),
         (("evaluate landmarks", "--variant", "none"), "cnn+sift, no spots"),
         (("evaluate strangers", "--variant", ".up:side"), "cnn+sift, no spots"),
     ],

@@ -196,6 +196,30 @@ def goals(
     tell(experiment.summarise(found), as_json, experiment.as_table)
 
 
+@app.command()
+def approaches(
+    spec: SpecOrSuburb = SUBURB,
+    suburbs: Suburbs = 4,
+    most: Annotated[int, typer.Option("--goals", min=1, help="Of each suburb, at most.")] = 10,
+    seed: Seed = 3000,
+    allow_training_seeds: AllowTrainingSeeds = False,
+    jobs: Jobs = None,
+    output: Output = None,
+    as_json: Json = False,
+) -> None:
+    """Drive a robot alone to goals that it sees from 8 to 20 m: does it arrive, and truly?
+
+    Some seconds an approach. Intervals: 95 %, bootstrap over suburbs. Broken off, the same command
+    goes on with the next suburb.
+    """
+    from vrchain.experiments.missions import approaches as experiment
+    from vrchain.experiments.scenes import scenes_of
+
+    folder = kept_folder(output, "approaches", seed, allow_training_seeds)
+    found = experiment.evaluate(scenes_of(spec), suburbs, most, seed=seed, folder=folder, jobs=jobs)
+    tell(experiment.summarise(found), as_json, experiment.as_table)
+
+
 @app.command("homing-database")
 def homing_database(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Pictures with their poses.")],

@@ -4,7 +4,7 @@ What arrival rests on: how much is seen of the goal, from how many sides it is s
 anything that is not the goal ever is.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, fields
 from functools import partial
 from pathlib import Path
@@ -65,11 +65,19 @@ def evaluate(
     ``GoalSight``. A world that stays as it is is one suburb; its goals are numbered as suburbs are,
     so that intervals are over them. MissionError if nothing is asked for, or no goal is seen.
     """
+    return by_suburb(_rows, scenes, n_suburbs, n_goals, seed, folder, jobs)
+
+
+def by_suburb(
+    find: Callable[[Scenes, int, int, int], list[dict]], scenes: Scenes, n_suburbs: int,
+    n_goals: int, seed: int, folder: Path, jobs: int | None,
+) -> pd.DataFrame:  # fmt: skip
+    """What is found of so many goals, at most, of each suburb, and kept; see ``evaluate``."""
     if min(n_suburbs, n_goals) < 1:
         raise MissionError(f"expected 1 suburb and goal or more, got {n_suburbs} and {n_goals}")
-    own = folder_of(folder, scenes, n_goals, seed, maker_of())
+    own = folder_of(folder, scenes, find.__module__, n_goals, seed, maker_of())
     files = [own / f"suburb_{k:02d}.json" for k in range(n_suburbs if scenes.varied else 1)]
-    suburbs = kept_each(partial(_rows, scenes, seed, n_goals), files, jobs, "suburbs")
+    suburbs = kept_each(partial(find, scenes, seed, n_goals), files, jobs, "suburbs")
     rows = [{"suburb": k, **row} for k, suburb in enumerate(suburbs) for row in suburb]
     if not rows:
         raise MissionError("no goal can be pictured and seen here: take more suburbs or goals")
