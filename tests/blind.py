@@ -27,6 +27,8 @@ def blind(*weights: Path) -> Perception:
 class Nowhere:
     """A goal that nothing is."""
 
+    share = 1.0
+
     def find(self, *look: Any, **more: Any) -> None:
         """Nothing is the goal,"""
 

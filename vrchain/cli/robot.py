@@ -54,6 +54,12 @@ def run(
             help="With --ros a picture of it, a panorama's folder, several; with --scene its name.",
         ),
     ] = None,
+    goal_within: Annotated[
+        float,
+        typer.Option(
+            metavar="M", min=1.0, help="With --ros, from how far it was pictured, at most."
+        ),
+    ] = 15.0,
     robots: Annotated[int, typer.Option(min=2, max=20, help="How many robots, with --scene.")] = 3,
     sent: Annotated[
         str, typer.Option(metavar="NAME", help="Which is sent to the goal, with --scene.")
@@ -94,12 +100,12 @@ def run(
         key = member_key(folder or Path(ledger), keys, robot, simulated)
         _run_apart(scene, ledger, folder, robot, key, robots, sent, goal, seed, output, as_json)
         return
-    from vrchain.landmarks.extraction.weights import SHIPPED
     from vrchain.ledger.network.opening import open_ledger
     from vrchain.ledger.network.robot import RobotLedger
     from vrchain.navigation.goal.recognition import goal_from
     from vrchain.navigation.mission import drive_mission
     from vrchain.navigation.perception import learned_perception
+    from vrchain.navigation.settings import GOAL_RANGE_M
     from vrchain.panorama import Panorama
     from vrchain.publisher import Publication, Publisher, PublishingBody
     from vrchain.reader import REMEMBERED, index_of, published_of
@@ -124,7 +130,7 @@ def run(
             if pictures:
                 published = published_of(opened, name, REMEMBERED, memory=True)
                 index = index_of(opened, perception)
-                shown = goal_from(pictures, SHIPPED)
+                shown = goal_from(pictures, share=min(1.0, goal_within / GOAL_RANGE_M[1]))
                 result = drive_mission(
                     name, body, published, index, shown, perception, tell=teller(as_json)
                 )

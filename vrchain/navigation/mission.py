@@ -8,7 +8,7 @@ mission can be read, and replayed in pictures. ``vrchain.simulation.mission`` ru
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from vrchain.landmarks.retrieval.index import LandmarkIndex
@@ -57,7 +57,7 @@ def drive_mission(
     its newest, or older ones too.
     tell: is given each decision as it is made.
     """
-    pilot = Pilot(body, perception, config or MissionConfig())
+    pilot = Pilot(body, perception, replace(config or MissionConfig(), share=goal.share))
     decisions: list[Decision] = []
 
     def log(what: str, why: str, look: int | None = None, **values: Any) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from vrchain.geometry import wrap_angle_rad
 from vrchain.landmarks.extraction.proposer import Proposals
+from vrchain.landmarks.extraction.raster import CELL_PX, PX_PER_RAD, directions_of
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, examine_quickly
 from vrchain.landmarks.extraction.sift import NO_FEATURES, Features, extract, extract_near
 from vrchain.landmarks.extraction.spots import NO_SPOTS, Spots
@@ -36,6 +37,7 @@ _NEAR_HEIGHTS = 20.0  # at shorter distances, in camera heights, each claim coun
 # on all pairs of three patrols' panoramas, of seeds 1311 and 1312.
 _LESS, _STEEP, _BY_WAY, _TYPICAL_M = -0.57, 1.8, 2.4, 15.0
 _SUREST = 0.995
+_BEFORE_IT = 0.05  # of a proposal's columns may be of what stands before it
 
 
 @dataclass(frozen=True, eq=False)
@@ -190,3 +192,17 @@ def surface_m(look: Look | LandmarkRecord, index: int) -> float:
     if low > -0.03:
         return middle_m
     return min(middle_m, look.rig.camera_height_m / -low)
+
+
+def foot_m(picture: LandmarkRecord, index: int) -> float:
+    """How far a proposal's nearest side is, in plain view, by its lowest cells; inf: it hovers.
+
+    The ground is level, and the nearest twentieth of its columns may be of something before it.
+    """
+    p = picture.proposals
+    bearing_rad, slope = directions_of(p.cell[p.owner == index], picture.rig)
+    _, column = np.unique(bearing_rad, return_inverse=True)
+    lowest = np.full(column.max() + 1, np.inf)
+    np.minimum.at(lowest, column, slope - CELL_PX / PX_PER_RAD / 2)
+    foot = float(np.quantile(lowest, _BEFORE_IT, method="inverted_cdf"))
+    return picture.rig.camera_height_m / -foot if foot < 0 else np.inf

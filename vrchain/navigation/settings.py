@@ -24,7 +24,7 @@ class Body(Protocol):
 class MissionConfig:
     """How a mission is driven.
 
-    share: of 6 to 15 m, from how far the goal's pictures were taken, and it is looked at.
+    share: of 6 to 15 m, from how far the goal is looked at; a mission takes it from its goal.
     """
 
     share: float = 1.0

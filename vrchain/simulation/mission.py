@@ -6,7 +6,7 @@
 
 import json
 from collections.abc import Callable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TypeAlias
 
@@ -132,10 +132,8 @@ def send(
     published, index = published_of(ledger, robot), index_of(ledger, perception)
     panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
     share = pictured_share(scene, task.goal, task.goal_poses)
-    shown, config = goal_from(pictures, weights, share), config or MissionConfig()
-    result = drive_mission(
-        robot, body, published, index, shown, perception, replace(config, share=share), tell
-    )
+    shown = goal_from(pictures, weights, share)
+    result = drive_mission(robot, body, published, index, shown, perception, config, tell)
     pose = simulator.pose(robot)
     at_goal, range_m = is_at(scene, simulator.truth, task.goal, pose, simulator.rig)
     return MissionRun(

@@ -343,11 +343,11 @@ def test_its_wall_is_met_before_it_is_believed_to_be(
     assert ours._is_there(at(4.0, (0.0, sized(looks_m)))) == there
 
 
-@pytest.mark.parametrize(("met_x_m", "side_x_m"), [(3.5, 5.0), (7.0, 7.0), (8.1, 5.0)])
+@pytest.mark.parametrize(("met_x_m", "side_x_m"), [(3.5, 5.0), (6.5, 6.5), (8.1, 5.0)])
 def test_what_is_met_beyond_it_is_not_its_side(met_x_m: float, side_x_m: float) -> None:
     """As it was met: passing its goal's long wall, a robot took for it what came ahead, and next.
 
-    Seen from 4 m, which tells that to 1.3 m; what is met at 3.5 m is before where it is believed.
+    Seen from 4 m, which tells that to 0.9 m; what is met at 3.5 m is before where it is believed.
     """
     ours = arrival(Standing(Pose(3.0, 0.0), met_x_m - 3.0))
     felt = ours._felt(at(5.0, (0.0, sized(4.0))))

@@ -13,7 +13,7 @@ from vrchain.landmarks.extraction.spots import NO_SPOTS
 from vrchain.landmarks.retrieval.query import query_of
 from vrchain.landmarks.retrieval.template import Goal, Sighting, Template, locate
 from vrchain.navigation.goal import recognition
-from vrchain.navigation.goal.recognition import GoalPictures, _of_subject
+from vrchain.navigation.goal.recognition import GoalPictures, _of_subject, _taken_m
 
 HERE = Pose(0.0, 0.0, 0.3)
 PLAIN = Plain(
@@ -102,9 +102,27 @@ def test_what_stands_beside_a_pictures_subject_is_not_of_it() -> None:
     keypoints = Features(
         bearing, np.full(3, 0.05), np.full(3, 0.01), np.zeros((3, 128), dtype=np.uint8)
     )
-    kept, taken_m = _of_subject(Template(keypoints, 0.5), picture)
-    assert taken_m == pytest.approx(10.0, rel=0.1), "from where its subject stands"
+    kept, foot_m = _of_subject(Template(keypoints, 0.5), picture)
+    assert foot_m == pytest.approx(10.0, rel=0.06), "from where its subject stands"
     assert kept.features.bearing_rad.tolist() == [0.0] and kept.half_width_rad == 0.5
     unknown = replace(picture, proposals=nothing())
-    of_all, usual_m = _of_subject(Template(keypoints, 0.5), unknown)
-    assert len(of_all.features) == 3 and 6.0 < usual_m < 15.0
+    of_all, nowhere_m = _of_subject(Template(keypoints, 0.5), unknown)
+    assert len(of_all.features) == 3 and nowhere_m == np.inf
+
+
+def test_how_far_a_picture_was_taken_is_told_by_the_ground_by_other_pictures_or_not_at_all() -> (
+    None
+):
+    def shown(range_m: float) -> Template:
+        place = Pose(12.0 - range_m, 3.0)
+        return Template(PLAIN.look(place).features_near(0.0, 0.3), 0.3)
+
+    both = [shown(8.0), shown(12.0)]
+    assert _taken_m(both, [8.0, 12.0], 1.0) == (8.0, 12.0)
+    assert _taken_m(both, [8.0, 5.5], 1.0) == (8.0, 6.0), "the nearest that is usual"
+    for hovers_m in (np.inf, 30.0, 3.0):
+        assert _taken_m(both, [8.0, hovers_m], 1.0) == pytest.approx((8.0, 12.0), rel=0.1)
+    usual_m = 90**0.5
+    assert _taken_m(both, [np.inf, np.inf], 1.0) == pytest.approx((usual_m, usual_m))
+    assert _taken_m(both, [np.inf, np.inf], 0.5) == pytest.approx((usual_m / 2, usual_m / 2))
+    assert _taken_m([], [], 1.0) == ()

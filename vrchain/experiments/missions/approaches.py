@@ -121,7 +121,7 @@ def _drive(
         LandmarkIndex(lambda digest: b"", lambda digest: None, perception.stored,
                       perception.compare),
         goal_from(goal_pictures(scene, renderer, name, poses, ground.rig), share=share),
-        perception, MissionConfig(limit_s=LIMIT_S, share=share),
+        perception, MissionConfig(limit_s=LIMIT_S),
     )  # fmt: skip
     at_goal, range_m = is_at(scene, ground.truth, name, simulator.pose("R1"), ground.rig)
     return {

@@ -218,7 +218,7 @@ class Suburb:
 
             def drive_to(mission: Mission, goal: KnownGoal, limit_s: float) -> MissionResult:
                 known = published_of(ledger, robot, conditions.keep, memory=True)
-                config = replace(conditions.config, share=self._share(mission), limit_s=limit_s)
+                config = replace(conditions.config, limit_s=limit_s)
                 return drive_mission(
                     robot, robots[robot], known, index, goal, misleading, config, bars.tell
                 )
@@ -257,17 +257,11 @@ class Suburb:
                 return oracle.place(place, perception)
             shown = before.render(place, self.rig).encode()
             return GoalPlace(perception.stored(shown, None), perception)
-        if oracle:
-            return oracle.goal(mission.goal)
         poses, rig = mission.goal_poses, conditions.goal_rig(self.rig)
-        pictures = goal_pictures(self.scene, before, mission.goal, poses, rig)
-        return goal_from(pictures, share=self._share(mission))
-
-    def _share(self, mission: Mission) -> float:
-        """From which share of 6 to 15 m the goal is pictured."""
-        if mission.goal == PLACE:
-            return 1.0
-        return pictured_share(self.scene, mission.goal, mission.goal_poses)
+        share = pictured_share(self.scene, mission.goal, poses)
+        if oracle:
+            return oracle.goal(mission.goal, share)
+        return goal_from(goal_pictures(self.scene, before, mission.goal, poses, rig), share=share)
 
     def _row(
         self,

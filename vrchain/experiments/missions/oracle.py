@@ -57,9 +57,9 @@ class Oracle:
         """An empty one, to publish how the robot moved by."""
         return LandmarkRecord(self.rig, _NOBODY, nothing(), NO_FEATURES)
 
-    def goal(self, name: str) -> "TrueGoal":
-        """The goal, known by what it is."""
-        return TrueGoal(_embedding(name))
+    def goal(self, name: str, share: float = 1.0) -> "TrueGoal":
+        """The goal, known by what it is, and looked at from that share of 6 to 15 m."""
+        return TrueGoal(_embedding(name), share)
 
     def place(self, pose: Pose, perception: Perception) -> "TruePlace":
         """A place as a goal."""
@@ -134,6 +134,7 @@ class TrueGoal:
     """A goal that is never taken for anything else."""
 
     embedding: NDArray[np.float32]
+    share: float = 1.0
 
     def find(
         self,

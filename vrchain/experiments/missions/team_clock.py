@@ -145,9 +145,8 @@ def _run(
             e, index = errands[name], index_of(ledger, shared)
             known = published_of(ledger, name, REMEMBERED, memory=patrol_s > 0)
             pictures = goal_pictures(scene, simulator.renderer, e.goal, e.goal_poses, rig)
-            share = pictured_share(scene, e.goal, e.goal_poses)
-            shown, own = goal_from(pictures, share=share), replace(config, share=share)
-            result = drive_mission(name, robots[name], known, index, shown, perception, own)
+            shown = goal_from(pictures, share=pictured_share(scene, e.goal, e.goal_poses))
+            result = drive_mission(name, robots[name], known, index, shown, perception, config)
             return result, simulator.clock_ns
 
         found = together.run({name: partial(drive, name) for name in robots})

@@ -71,13 +71,14 @@ class Estimate:
 
 
 def sighted(
-    here: Pose, bearing_rad: float, range_m: float, half_width_rad: float = 0.0
-) -> Estimate:
+    here: Pose, bearing_rad: float, range_m: float, half_width_rad: float = 0.0,
+    range_std: float = _RANGE_STD,
+) -> Estimate:  # fmt: skip
     """Where a thing is by one sight of it; of a wide one, its nearest point may be aside."""
     course = here.yaw_rad + bearing_rad
     along = np.array([np.cos(course), np.sin(course)])
     across = np.array([-along[1], along[0]])
     aside_rad = float(np.hypot(_BEARING_STD_RAD, _ASIDE * half_width_rad))
-    stds = _RANGE_STD * range_m + 0.3, aside_rad * range_m + 0.2
+    stds = range_std * range_m + 0.3, aside_rad * range_m + 0.2
     covariance = stds[0] ** 2 * np.outer(along, along) + stds[1] ** 2 * np.outer(across, across)
     return Estimate(here.xy_m + range_m * along, covariance)

@@ -254,7 +254,7 @@ class Arrival(Candidates):
         if touched[1] > _TOUCH_M or pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
             return None  # its own wall would be in the way to its middle
         met = sighted(pilot.here, *touched).xy_m
-        std_m, of_it_m = sight.place(stood).std_m, pilot.config.share * _OF_IT_M
+        std_m, of_it_m = sight.place(stood).std_along_m(stood), pilot.config.share * _OF_IT_M
         of_it = float(np.hypot(*(met - middle))) <= max(half_m + _FELT_STD * std_m, of_it_m)
         return met if of_it and self._front(candidate, touched) == touched else None
 

@@ -34,6 +34,7 @@ class GoalPlace:
 
     look: Look
     perception: Perception
+    share = 1.0  # of the distances in suburbs
 
     def find(
         self,
