@@ -20,6 +20,7 @@ def ended(suburb: int, arrived: bool, success: bool, seconds: float) -> dict[str
     return {
         "suburb": suburb, "goal": "house_1", "from_m": 9.0, "at_once": arrived, "arrived": arrived,
         "success": success, "range_m": 1.0, "seconds": seconds, "collisions": 1, "wall_s": 4.0,
+        "pictured_off": [0.1, -0.1, 0.1, -0.1],
     }  # fmt: skip
 
 
@@ -30,7 +31,7 @@ def test_figures_are_those_of_the_table() -> None:
     found = summarise(pd.DataFrame([ended(k % 2, *end) for k, end in enumerate(ends)]))["approach"]
     assert (found["approaches"], found["false_arrivals"], found["collisions"]) == (6, 1, 6)
     assert found["success"] == 0.5 and found["at_once"] == pytest.approx(4 / 6)
-    assert found["seconds"] == 30.0
+    assert found["seconds"] == 30.0 and found["pictured_off"] == pytest.approx(0.1)
     assert "false_arrivals" in as_table({"approach": found})
 
 
@@ -47,6 +48,7 @@ def test_a_robot_that_sees_its_goal_gets_there(
     app([*command, "--jobs", "1", "--json", "-o", str(tmp_path)], standalone_mode=False)
     found = json.loads(capsys.readouterr().out)["approach"]
     assert (found["approaches"], found["success"], found["collisions"]) == (1, 1.0, 0)
+    assert 0 < found["pictured_off"] < 0.15
     monkeypatch.setattr(approaches, "Simulator", None)  # nothing is left to do
     (row,) = evaluate(scenes_of(BARN), 1, 1, seed=3000, folder=tmp_path).itertuples()
     assert RANGE_M[0] <= row.from_m <= RANGE_M[1] and row.range_m < 3.0

@@ -42,6 +42,7 @@ def evaluate(
     """One row an approach; what is under ``folder`` is read.
 
     n_goals: of each suburb, at most. Columns: suburb, goal, from_m (its side, at the start),
+    pictured_off (of each picture the log of how many times as far from there it seems to be taken),
     at_once (whether it was driven to by the first look), arrived (by its own word), success,
     range_m (from its side, at the end), seconds, collisions, wall_s. Suburbs and MissionError as of
     ``goals.evaluate``.
@@ -53,7 +54,7 @@ def summarise(found: pd.DataFrame) -> dict[str, dict[str, object]]:
     """The figures, under ``approach``, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
     success, at_once: shares; seconds: the mean, of those that succeed; counts of approaches, false
-    arrivals and collisions.
+    arrivals and collisions; pictured_off: root mean square.
     """
     told, success = Bootstrap(found.suburb, "approaches"), found.success.astype(bool)
     return {
@@ -64,6 +65,7 @@ def summarise(found: pd.DataFrame) -> dict[str, dict[str, object]]:
             **told.mean("seconds", found.seconds[success], found.suburb[success]),
             "false_arrivals": int((found.arrived.astype(bool) & ~success).sum()),
             "collisions": int(found.collisions.sum()),
+            "pictured_off": float((np.stack([*found.pictured_off]) ** 2).mean() ** 0.5),
             "wall_s": float(found.wall_s.mean()),
         }
     }
@@ -116,17 +118,21 @@ def _drive(
     simulator = Simulator(scene, {"R1": start}, seed=seed, rig=ground.rig)
     simulator.truth, simulator.renderer = ground.truth, renderer
     perception = learned_perception()
+    known = goal_from(goal_pictures(scene, renderer, name, poses, ground.rig), share=share)
+    footprint, places = scene.objects[goal].footprint, shapely.points([p.xy_m for p in poses])
+    off = np.log(known.taken_m / shapely.distance(footprint, places))
     result = drive_mission(
         "R1", SimulatedBody(simulator, "R1"), dict,
         LandmarkIndex(lambda digest: b"", lambda digest: None, perception.stored,
                       perception.compare),
-        goal_from(goal_pictures(scene, renderer, name, poses, ground.rig), share=share),
+        known,
         perception, MissionConfig(limit_s=LIMIT_S),
     )  # fmt: skip
     at_goal, range_m = is_at(scene, ground.truth, name, simulator.pose("R1"), ground.rig)
     return {
         "goal": name,
-        "from_m": float(scene.objects[goal].footprint.distance(shapely.Point(*start.xy_m))),
+        "from_m": float(footprint.distance(shapely.Point(*start.xy_m))),
+        "pictured_off": off.tolist(),
         "at_once": result.decisions[0].what == "approach",
         "arrived": result.arrived,
         "success": bool(result.arrived and at_goal),
