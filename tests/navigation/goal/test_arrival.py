@@ -415,6 +415,15 @@ def test_what_is_touched_on_the_way_to_what_was_seen_from_afar_is_not_it(
     assert (ours._touched(surely) is not None) == touches
 
 
+def test_what_is_touched_before_a_goal_that_looks_wide_is_not_it() -> None:
+    """As it was met: 6 m before its goal, which looked wide with a hedge beside it, at that hedge.
+
+    So wide, it may reach far to both sides, but no nearer than it was seen to be.
+    """
+    wide = sight_of(6.2, 60, 0.99, sized=True, half_width_rad=0.84)
+    assert arrival(Standing(HERE, 1.0))._touched(at(6.2, (0.0, wide))) is None
+
+
 class BesideAWall(Standing):
     """Along a wall to the right, and before what may be a bush."""
 
