@@ -185,7 +185,7 @@ def turned(look: Look, view_rad: float) -> Look:
     return Look(look.rig, proposals, features, spots)
 
 
-def surface_m(look: Look | LandmarkRecord, index: int) -> float:
+def surface_m(look: Look, index: int) -> float:
     """How far a proposal's nearest side is: by where it stands on the ground, if that is seen."""
     p = look.proposals
     low, middle_m = float(p.box[index, 2]), float(p.range_m[index])

@@ -110,9 +110,7 @@ def test_what_stands_beside_a_pictures_subject_is_not_of_it() -> None:
     assert len(of_all.features) == 3 and nowhere_m == np.inf
 
 
-def test_how_far_a_picture_was_taken_is_told_by_the_ground_by_other_pictures_or_not_at_all() -> (
-    None
-):
+def test_how_far_a_picture_was_taken_is_told_by_the_ground_or_by_other_pictures() -> None:
     def shown(range_m: float) -> Template:
         place = Pose(12.0 - range_m, 3.0)
         return Template(PLAIN.look(place).features_near(0.0, 0.3), 0.3)

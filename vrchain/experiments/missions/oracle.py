@@ -57,7 +57,7 @@ class Oracle:
         """An empty one, to publish how the robot moved by."""
         return LandmarkRecord(self.rig, _NOBODY, nothing(), NO_FEATURES)
 
-    def goal(self, name: str, share: float = 1.0) -> "TrueGoal":
+    def goal(self, name: str, share: float) -> "TrueGoal":
         """The goal, known by what it is, and looked at from that share of 6 to 15 m."""
         return TrueGoal(_embedding(name), share)
 
@@ -134,7 +134,7 @@ class TrueGoal:
     """A goal that is never taken for anything else."""
 
     embedding: NDArray[np.float32]
-    share: float = 1.0
+    share: float
 
     def find(
         self,

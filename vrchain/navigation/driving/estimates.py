@@ -16,7 +16,7 @@ Array = NDArray[np.float64]
 
 _BEARING_STD_RAD = 0.04  # of a sight, the robot's own heading and the thing's extent included
 _ASIDE = 0.58  # of half its width, as if any point were as likely
-_RANGE_STD = 0.25  # of the range that the network tells, as a share
+RANGE_STD = 0.25  # of the range that the network tells, as a share
 _DRIFT_M2_PER_M = 0.03  # of variance, a metre driven: 1 m after 30 m
 
 
@@ -72,7 +72,7 @@ class Estimate:
 
 def sighted(
     here: Pose, bearing_rad: float, range_m: float, half_width_rad: float = 0.0,
-    range_std: float = _RANGE_STD,
+    range_std: float = RANGE_STD,
 ) -> Estimate:  # fmt: skip
     """Where a thing is by one sight of it; of a wide one, its nearest point may be aside."""
     course = here.yaw_rad + bearing_rad

@@ -6,7 +6,7 @@ agree with one of the pictures. Those on the goal itself: what stands before it 
 too. A logistic regression weighs them, and how far the proposal is: from afar less can be alike.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
 from pathlib import Path
@@ -17,11 +17,12 @@ from numpy.typing import ArrayLike
 
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import LandmarkRecord, examine, owners
-from vrchain.landmarks.extraction.sift import extract
+from vrchain.landmarks.extraction.sift import Features, extract
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.landmarks.matching.calibration import Calibration, load_calibration
 from vrchain.landmarks.retrieval.query import Query, depth, query_of, subject, worth_of
 from vrchain.landmarks.retrieval.template import (
+    GOAL_MATCHES,
     LOWEST_SLOPE,
     Goal,
     Sighting,
@@ -29,7 +30,7 @@ from vrchain.landmarks.retrieval.template import (
     locate,
     template_around,
 )
-from vrchain.navigation.driving.estimates import Array, Estimate, sighted
+from vrchain.navigation.driving.estimates import RANGE_STD, Array, Estimate, sighted
 from vrchain.navigation.perception import Look, foot_m, surface_m
 from vrchain.navigation.settings import GOAL_RANGE_M
 from vrchain.panorama import Panorama
@@ -44,7 +45,7 @@ BY_CHANCE = 4  # keypoints that agree by chance
 _MANY, _LEAST_ODDS = 16, -3.0  # keypoints that agree beyond chance, which would not do either
 # From how far pictures were taken is off by 6 % in suburbs of seed 1394, by 18 % in the Gazebo one;
 # by the lower edge of the network's box, or its range, by 17 and 33 %.
-_OUT_OF, _ALIKE = 1.5, 15  # no foot is so many times too far or near; keypoints in two pictures
+_OUT_OF = 1.5  # what stands so many times too far or too near is something else
 _SIZED_MATCHES, _SIZED_STD = 8, 0.15  # keypoints from which a size is told, and its error, a share
 # What a wide thing shows is farther than its nearest side, by so much of half its width: in 272
 # sights of 12 goals in suburbs of seed 1373. From 8 to 14 m its side was more than 2 m nearer than
@@ -75,8 +76,8 @@ class GoalSight:
 
     def place(self, here: Pose) -> Estimate:
         """Where its nearest side is, seen from here."""
-        sure = {"range_std": _SIZED_STD} if self.sized else {}
-        return sighted(here, self.bearing_rad, self.surface_m, self.half_width_rad, **sure)
+        range_std = _SIZED_STD if self.sized else RANGE_STD
+        return sighted(here, self.bearing_rad, self.surface_m, self.half_width_rad, range_std)
 
 
 def any_sight(sight: GoalSight) -> bool:
@@ -171,7 +172,10 @@ class GoalPictures:
         *_, by_keypoint = _BELIEF
         odds = float(_odds_from_afar(looks, alike, range_m))
         hopeless = odds + by_keypoint * np.sqrt(_MANY) < _LEAST_ODDS
-        seen = {} if hopeless else self._located(look, bearing, half_rad + _WIDE_RAD)
+        seen = dict[int, Sighting]()
+        if not hopeless:
+            near = look.features_near(bearing, half_rad + _WIDE_RAD)
+            seen = _located(dict(enumerate(self.keypoints.templates)), near, BY_CHANCE + 1)
         matches, n_shown = max(
             ((s.n_matches, len(self.keypoints.templates[k].features)) for k, s in seen.items()),
             default=(0, 0),
@@ -188,14 +192,11 @@ class GoalPictures:
             float(looks), float(1 / (1 + np.exp(-odds))), bool(away_m), n_shown,
         )  # fmt: skip
 
-    def _located(self, look: Look, middle_rad: float, window_rad: float) -> dict[int, Sighting]:
-        """The goal by keypoints around a bearing, picture by picture."""
-        near = look.features_near(middle_rad, window_rad)
-        found = {
-            k: locate(template, near, min_matches=BY_CHANCE + 1)
-            for k, template in enumerate(self.keypoints.templates)
-        }
-        return {k: seen for k, seen in found.items() if seen is not None}
+
+def _located(pictures: Mapping[int, Template], shown: Features, least: int) -> dict[int, Sighting]:
+    """The goal by its keypoints, by the pictures that agree with what is shown in so many."""
+    found = {k: locate(template, shown, min_matches=least) for k, template in pictures.items()}
+    return {k: seen for k, seen in found.items() if seen is not None}
 
 
 def _odds_from_afar(looks: ArrayLike, alike: ArrayLike, range_m: ArrayLike) -> Array:
@@ -252,8 +253,8 @@ def _taken_m(
     }
 
     def by_size_m(shown: Template) -> float:
-        seen = {j: locate(templates[j], shown.features, min_matches=_ALIKE) for j in stands}
-        found_m = [stands[j] / s.scale for j, s in seen.items() if s is not None]
+        seen = _located({j: templates[j] for j in stands}, shown.features, GOAL_MATCHES)
+        found_m = [stands[j] / s.scale for j, s in seen.items()]
         return float(np.clip(np.median(found_m or (low_m * high_m) ** 0.5), low_m, high_m))
 
     return tuple(stands[k] if k in stands else by_size_m(t) for k, t in enumerate(templates))
