@@ -183,6 +183,9 @@ class Sight:
     look: Look
     rig: CameraRig = RIG
 
+    def shows(self, bearing_rad: float) -> bool:
+        return True
+
 
 @dataclass(eq=False)
 class Walker:

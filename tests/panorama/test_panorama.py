@@ -298,6 +298,20 @@ def test_what_is_seen_goes_with_the_panorama(tmp_path) -> None:
         Panorama.load(tmp_path)
 
 
+def test_it_shows_what_a_camera_looked_at() -> None:
+    rig = CameraRig(4, 32, 24, 100.0)
+    assert all(noise_panorama(rig).shows(bearing) for bearing in np.arange(-10.0, 10.0, 0.5))
+    seen = np.ones((4, 24, 32), dtype=bool)
+    seen[1] = False  # the camera on the left is missing
+    left = Panorama(rig, noise_panorama(rig).views, seen)
+    assert not left.shows(np.pi / 2)
+    assert all(left.shows(bearing) for bearing in (0.0, np.pi, -np.pi / 2, -np.pi))
+    ahead = noise_panorama(CameraRig(1, 32, 24, 100.0))
+    assert [ahead.shows(np.radians(deg)) for deg in (0, 45, -45, 55, -55, 180)] == [
+        True, True, True, False, False, False,
+    ]  # fmt: skip
+
+
 def test_blobs_with_a_wrong_mask_are_refused() -> None:
     blob = masked(TINY).encode()
     for wrong in (blob[:-1], blob + b"x", blob.replace(b'"seen_bytes":', b'"seen_byte":-')):

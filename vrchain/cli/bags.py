@@ -28,7 +28,7 @@ Robots = Annotated[
     typer.Option(metavar="NAME=/NAMESPACE", help="A robot and its topics; give one for each."),
 ]
 Rig = Annotated[
-    Path | None, typer.Option(metavar="YAML", help="Calibration that the bags do not hold.")
+    Path | None, typer.Option(metavar="YAML", help="Calibration that bags or topics do not tell.")
 ]
 Slop = Annotated[
     float, typer.Option(min=0.0, help="How far apart, in s, the pictures of one moment may be.")

@@ -119,7 +119,9 @@ def planner(
 def cluster(
     part: Annotated[
         list[str] | None,
-        typer.Option(help=f"{', '.join(CLUSTER_PARTS)}; one for each [rest load hostile]."),
+        typer.Option(
+            help=f"{', '.join(CLUSTER_PARTS)}, or some of them; else rest, load, hostile."
+        ),
     ] = None,
     updates: Annotated[int, typer.Option(min=2, help="One after another, at rest.")] = 100,
     seconds: Annotated[float, typer.Option(min=1.0, help="Of load, and of backlog.")] = 10.0,

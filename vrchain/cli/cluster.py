@@ -198,7 +198,8 @@ def put(
         int, typer.Option(min=1, max=5, help="On how many servers each block is kept.")
     ] = 3,
     max_gb: Annotated[
-        float | None, typer.Option(min=0.01, help="For blocks on each server's disk [all of it].")
+        float | None,
+        typer.Option(min=0.01, help="For blocks on each server; else all of its disk."),
     ] = None,
     keys: Keys = None,
     simulated: Simulated = None,
@@ -224,7 +225,7 @@ def make(
     folder: Annotated[Path, typer.Option(metavar="DIR", help="The maker's own copy.")],
     robot: Annotated[str, typer.Option(metavar="NAME", help="The member that makes blocks.")],
     seconds: Annotated[
-        float | None, typer.Option(min=0.1, help="For so long [until ended].")
+        float | None, typer.Option(min=0.1, help="For so long; else until ended.")
     ] = None,
     no_limits: Annotated[
         bool, typer.Option("--no-limits", help="Take in offers at any rate, to measure.")

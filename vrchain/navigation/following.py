@@ -257,13 +257,18 @@ class Follower:
                 seen = self.regard(look, route)
                 if seen is not None:
                     return seen
-                tracker.update(look, pilot.here)
+                self._track(tracker, look)
             elif glanced_m >= config.glance_every_m and len(tracker.embedding):
                 glanced_m = 0.0
-                look = pilot.glance(tracker.place.bearing_rad(pilot.here))
-                tracker.update(look, pilot.here)
+                self._track(tracker, pilot.glance(tracker.place.bearing_rad(pilot.here)))
         self.log("astray", f"{name} is not reached in reasonable time")
         return "lost"
+
+    def _track(self, tracker: Tracker, look: Look) -> None:
+        """Take in a look, just taken, if a camera looked there."""
+        here = self.pilot.here
+        if self.pilot.shows(tracker.place.bearing_rad(here)):
+            tracker.update(look, here)
 
 
 def _is_idle(place: Estimate, later: Sequence[Estimate], here: Pose, leg: Leg) -> bool:

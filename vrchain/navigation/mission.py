@@ -8,7 +8,7 @@ mission can be read, and replayed in pictures. ``vrchain.simulation.mission`` ru
 """
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from vrchain.landmarks.retrieval.index import LandmarkIndex
@@ -57,7 +57,7 @@ def drive_mission(
     its newest, or older ones too.
     tell: is given each decision as it is made.
     """
-    pilot = Pilot(body, perception, replace(config or MissionConfig(), share=goal.share))
+    pilot = Pilot(body, perception, config or MissionConfig())
     decisions: list[Decision] = []
 
     def log(what: str, why: str, look: int | None = None, **values: Any) -> None:
@@ -92,13 +92,10 @@ def _drive(follower: Follower, explorer: Explorer) -> None:
         candidate, found = arrival.likeliest, replanner.plan(look)
         if candidate and found.route:
             candidate = follower.weighed(candidate, follower.aim(found)[0])
-        if candidate is not None and candidate.chance >= config.likely:
-            if arrival.drive_to(candidate):
-                return
-            continue
-        least = config.least_trust * _PATIENCE**fruitless
-        least = least if candidate is None else candidate.chance
-        if found.route is not None and found.route.trust >= least:
+        least, likely = config.least_trust * _PATIENCE**fruitless, False
+        if candidate is not None:  # from some chance on nothing else is tried first
+            least, likely = candidate.chance, candidate.chance >= config.likely
+        if found.route is not None and found.route.trust >= least and not likely:
             before = pilot.here
             if follower.follow(found):
                 return

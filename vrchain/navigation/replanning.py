@@ -36,7 +36,7 @@ class Replanner:
         log: Log,
     ) -> None:
         self.robot, self.pilot, self.published, self.index = robot, pilot, published, index
-        self.rejections = Rejections(pilot.perception, index, log, pilot.config.share)
+        self.rejections = Rejections(pilot.perception, index, log, goal.share)
         self.own: list[tuple[Pose, Look, int]] = []
         self.failed: set[LandmarkKey] = set()
         self._doubted: Mapping[str, float] = {}

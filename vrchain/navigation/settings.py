@@ -22,12 +22,8 @@ class Body(Protocol):
 
 @dataclass(frozen=True)
 class MissionConfig:
-    """How a mission is driven.
+    """How a mission is driven."""
 
-    share: of 6 to 15 m, from how far the goal is looked at; a mission takes it from its goal.
-    """
-
-    share: float = 1.0
     approach_m: float = 3.0  # a landmark is reached at this range, so that it hides no other
     arrival_m: float = 1.5  # the goal is reached at this range
     glance_every_m: float = 2.5  # of way: a view of what is driven to

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import ImageError, SpecError
+from vrchain.geometry import wrap_angle_rad
 from vrchain.panorama.codec import (
     STORED,
     Codec,
@@ -95,6 +96,15 @@ class Panorama:
             )
             joined[:, own] = np.asarray(shown) == 255
         return joined
+
+    def shows(self, bearing_rad: float) -> bool:
+        """Whether any camera looked along a bearing."""
+        seen = self.seen_cylinder
+        column = round(float(self.rig.column_of_bearing(wrap_angle_rad(bearing_rad))))
+        columns = self.rig.cylinder_shape[1]
+        if not self.rig.closed and not 0 <= column < columns:
+            return False
+        return seen is None or bool(seen[:, column % columns].any())
 
     def view(self, number: int) -> NDArray[np.uint8]:
         """The picture of one camera, (height_px, width_px, 3). ImageError if there is no such."""

@@ -23,7 +23,7 @@ CONFIG, HERE = MissionConfig(), Pose(0.0, 0.0)
 class Standing:
     """A pilot that stands where it is: no path leads on. ahead_m: what its range ring shows."""
 
-    config, looks = CONFIG, ()
+    config, looks, blind = CONFIG, (), False
     nearest, surface, _around = Pilot.nearest, Pilot.surface, Pilot._around
 
     def __init__(self, here: Pose = HERE, ahead_m: float = 8.0) -> None:
@@ -35,6 +35,9 @@ class Standing:
 
     def glance(self, bearing_rad: float) -> Any:
         return None
+
+    def shows(self, bearing_rad: float) -> bool:
+        return not self.blind
 
     def ahead_m(self, *bearing_rad: Any) -> float:
         return self.met_m
@@ -50,7 +53,7 @@ class Standing:
 def arrival(pilot: Standing | None = None, sight: GoalSight | None = None) -> Arrival:
     """An arrival whose every look shows this of the goal; said: what it logged."""
     said: list[str] = []
-    goal = SimpleNamespace(find=lambda *asked, **fair: sight)
+    goal = SimpleNamespace(find=lambda *asked, **fair: sight, share=1.0)
     log = lambda what, *args, **values: said.append(what)  # noqa: E731
     ours = Arrival(cast(Any, pilot or Standing()), cast(Any, goal), log)
     cast(Any, ours).said = said
@@ -136,7 +139,7 @@ def test_a_goal_that_is_known_from_one_side_alone_is_found_by_going_round() -> N
         surely = abs(turns[-1] + np.pi / 3) < 0.1
         return sight_of(8.0, 60 if surely else 12, 0.97, bearing_rad=bearing_rad)
 
-    pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find))
+    pilot.stretch, ours.goal = stretch, cast(Any, SimpleNamespace(find=find, share=1.0))
     assert ours._circle(seen).is_sure(CONFIG)
     assert len(turns) > 5  # at five sides, and on the way to the last
 
@@ -150,7 +153,7 @@ def test_what_a_look_around_shows_of_what_is_circled_counts(
     ours, seen = arrival(), candidate(8.0, 0.95)
     monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter([seen.place] * n))
     find = lambda look, *window, **fair: None if window else around  # noqa: E731
-    ours.goal = cast(Any, SimpleNamespace(find=find))
+    ours.goal = cast(Any, SimpleNamespace(find=find, share=1.0))
     cast(Any, ours.pilot).here = Pose(0.6, 0.0)
     assert ours._circle(seen).is_sure(CONFIG) == (bearing_rad == 0.0)
 
@@ -207,13 +210,16 @@ def test_what_is_left_for_what_is_likelier_waits_again() -> None:
     assert ours.candidates == [left]
 
 
-@pytest.mark.parametrize(("ahead_m", "against"), [(8.0, 1), (2.0, 0)])
-def test_a_glance_at_a_wall_just_ahead_does_not_speak_against_what_is_behind(
-    ahead_m: float, against: int
+@pytest.mark.parametrize(
+    ("ahead_m", "blind", "against"), [(8.0, False, 1), (2.0, False, 0), (8.0, True, 0)]
+)
+def test_a_glance_that_cannot_show_it_does_not_speak_against_it(
+    ahead_m: float, blind: bool, against: int
 ) -> None:
-    """As it was met: ten of them along a goal's own wall, and it was given up."""
-    seen = candidate(8.0)
-    after = arrival(Standing(ahead_m=ahead_m))._regarded(seen)
+    """As it was met: ten along a goal's own wall, and it was given up. Or no camera looks there."""
+    seen, pilot = candidate(8.0), Standing(ahead_m=ahead_m)
+    pilot.blind = blind
+    after = arrival(pilot)._regarded(seen)
     assert after.against == against and (after.chance < seen.chance) == bool(against)
 
 
@@ -231,7 +237,8 @@ def test_two_bearings_to_a_wide_thing_do_not_tell_how_far_it_is() -> None:
     ours = arrival()
     for bearing_rad in (0.0, 0.25):
         seen = sight_of(20.0, bearing_rad=bearing_rad, half_width_rad=0.3)
-        ours.goal = cast(Any, SimpleNamespace(find=lambda *asked, seen=seen, **fair: seen))
+        find = lambda *asked, seen=seen, **fair: seen  # noqa: E731
+        ours.goal = cast(Any, SimpleNamespace(find=find, share=1.0))
         ours.note(cast(Any, None))
         cast(Any, ours.pilot).here = Pose(1.0, 0.0)
     (found,) = ours.candidates

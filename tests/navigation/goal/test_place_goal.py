@@ -41,7 +41,7 @@ def test_it_arrives_where_the_panorama_was_taken(start: Pose) -> None:
     assert body.pose.distance_to_m(PLACE.xy_m) < 1.0
 
 
-@pytest.mark.parametrize("nearer", [4, 8])
+@pytest.mark.parametrize("nearer", [4, 8, 12, 20, 30])
 def test_where_all_is_far_away_it_is_not_there_before_it_came_near(
     monkeypatch: pytest.MonkeyPatch, nearer: int
 ) -> None:
@@ -62,6 +62,17 @@ def test_where_all_is_far_away_it_is_not_there_before_it_came_near(
     short = Estimate(0.6 * candidate.place.xy_m, candidate.place.covariance)
     assert arriving.drive_to(replace(candidate, place=short))
     assert body.pose.distance_to_m(PLACE.xy_m) < 1.0
+
+
+def test_it_does_not_wait_long_where_something_stands_on_the_place() -> None:
+    """25 looks around were spent on it."""
+    parked = Plain((*PLAIN.things, Thing("parked", (PLACE.x_m, PLACE.y_m), 0.8)))
+    arriving, body = arrival(Pose(0, 0, 0.5), plain=parked)
+    candidate = arriving.note(arriving.pilot.look_around())
+    assert candidate is not None
+    assert not arriving.drive_to(candidate)
+    assert len(arriving.pilot.looks) < 10
+    assert body.pose.distance_to_m(PLACE.xy_m) < 3.0
 
 
 def test_where_all_looks_otherwise_it_does_not_arrive() -> None:

@@ -62,6 +62,11 @@ class Pilot:
         self.now = self.body.observe(towards_rad=bearing_rad)
         return self.perception.examine(self.now)
 
+    def shows(self, bearing_rad: float) -> bool:
+        """Whether the picture that was taken last shows what is along a bearing."""
+        picture = self.now.panorama
+        return picture is not None and picture.shows(bearing_rad - (self.now.view_rad or 0.0))
+
     def ahead_m(
         self,
         bearing_rad: float,
@@ -125,7 +130,7 @@ class Pilot:
     def stretch(self, xy_m: Array, within_m: float, way_m: float) -> float | None:
         """Drive some way towards a place, around what is in the way; None: it gets no nearer.
 
-        Returns the metres driven. GaveUp when the mission's time is over.
+        Returns the metres driven. GaveUp when the mission's time is over, unless it cannot drive.
         """
         self._sense()
         driven_m, previous = 0.0, self.here

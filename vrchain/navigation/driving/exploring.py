@@ -73,7 +73,7 @@ class Explorer:
     def _unseen_anywhere(self, others: Sequence[Looked]) -> tuple[float, Array]:
         """The best such place, and the share of what is far there; GaveUp if there is none."""
         for _ in range(2):
-            for share, also in product(_SHARES, (others, ())):
+            for share, also in product(_SHARES, (others, ()) if others else ((),)):
                 for choose in (self._to_see, self._unseen):
                     target = choose(share, also)
                     if target is not None:

@@ -49,7 +49,7 @@ def targets(
     found, last_xy_m = [], here.xy_m
     for i, leg in enumerate(route.legs):
         places, embedding, onward = list[Estimate](), list[np.ndarray](), taken[i + 1]
-        if onward is None or not leg.by_odometry:
+        if not leg.by_odometry:
             step = poses.between(leg.seen_by, leg.next_by)
             places, embedding = _landmark(leg, looks[i : i + 2], taken[i : i + 2], step, here)
         place = places[0] if places else None

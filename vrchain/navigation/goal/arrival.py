@@ -60,12 +60,11 @@ class Arrival(Candidates):
 
     def drive_to(self, candidate: Candidate) -> bool:
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
-        config = self.pilot.config
         self._begin(candidate)
         candidate = self._close_in(candidate)
-        if not candidate.is_sure(config) and self._is_worth_a_circle(candidate):
+        if not self._is_sure(candidate) and self._is_worth_a_circle(candidate):
             candidate = self._circle(candidate)
-        if candidate.is_sure(config):
+        if self._is_sure(candidate):
             candidate = self._driven_on(candidate, _TRIES)
             if self._is_claimed(candidate):
                 return True
@@ -76,7 +75,7 @@ class Arrival(Candidates):
                 if self._is_claimed(candidate):
                     return True
             candidate = replace(candidate, place=before)
-        if candidate.is_sure(config):
+        if self._is_sure(candidate):
             self.log("blocked", "no way leads to the goal from here")
             self._not_again(candidate)
         else:
@@ -105,7 +104,7 @@ class Arrival(Candidates):
             around = self.note(self.pilot.look_around())
             if around is not None and self._is_near(around.place.xy_m, candidate.place):
                 candidate = candidate.with_sight(*around.sights[-1])
-            if candidate.is_sure(self.pilot.config):
+            if self._is_sure(candidate):
                 return self._close_in(candidate)
             if candidate.surest > surest:
                 chance = max(chance, at_odds(candidate.surest, _UNSURE))
@@ -123,7 +122,7 @@ class Arrival(Candidates):
 
     def _is_claimed(self, candidate: Candidate) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""
-        claimed = candidate.is_sure(self.pilot.config) and self._is_there(candidate)
+        claimed = self._is_sure(candidate) and self._is_there(candidate)
         if claimed:
             self._draw_up(candidate)
         return claimed
@@ -212,7 +211,7 @@ class Arrival(Candidates):
         missed = sight is None or sight.chance < _DOUBT_CHANCE
         if sight is None or missed or place.astray(sight.place(pilot.here)) > _ASTRAY:
             shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
-            if not pilot.config.share * SHAPE_M < shown_m < NEAR_M:
+            if not (self.goal.share * SHAPE_M < shown_m < NEAR_M and pilot.shows(bearing)):
                 return candidate  # from so far, or so near to what hides it, it may not be seen
             left = at_odds(candidate.chance, _AGAIN)
             return replace(candidate, chance=left, against=candidate.against + 1)
@@ -226,7 +225,7 @@ class Arrival(Candidates):
         for turn in range(1, n + 1):
             angle = first + turn * np.pi / 3
             outward = np.array([np.cos(angle), np.sin(angle)])
-            stand_xy_m = middle + (half_m + pilot.config.share * _AROUND_M) * outward
+            stand_xy_m = middle + (half_m + self.goal.share * _AROUND_M) * outward
             until_ns = pilot.now.time_ns + int(_SIDE_S * 1e9)
             while pilot.now.time_ns < until_ns and pilot.here.distance_to_m(stand_xy_m) > 1.5:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
@@ -236,8 +235,8 @@ class Arrival(Candidates):
     def _middle(self, candidate: Candidate, stood: Pose | None = None) -> tuple[Array, float]:
         """Where its middle is, about, (2,), and how far from its sides, seen from there or here."""
         away = candidate.place.xy_m - (stood or self.pilot.here).xy_m
-        config = self.pilot.config
-        half_m = max(config.share * _HALF_M, candidate.width_m(config) / 2)
+        share = self.goal.share
+        half_m = max(share * _HALF_M, candidate.width_m(share) / 2)
         return candidate.place.xy_m + half_m * away / max(float(np.hypot(*away)), 0.1), half_m
 
     def _touched(self, candidate: Candidate) -> Array | None:
@@ -245,7 +244,7 @@ class Arrival(Candidates):
 
         Who comes round its corner has another side before it than the one that was seen, from near.
         """
-        if not candidate.is_sure(self.pilot.config) or candidate.sights[-1][1].surface_m > NEAR_M:
+        if not self._is_sure(candidate) or candidate.sights[-1][1].surface_m > NEAR_M:
             return None
         pilot, (stood, sight) = self.pilot, candidate.sights[-1]
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
@@ -254,7 +253,7 @@ class Arrival(Candidates):
         if touched[1] > _TOUCH_M or pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
             return None  # its own wall would be in the way to its middle
         met = sighted(pilot.here, *touched).xy_m
-        std_m, of_it_m = sight.place(stood).std_along_m(stood), pilot.config.share * _OF_IT_M
+        std_m, of_it_m = sight.place(stood).std_along_m(stood), self.goal.share * _OF_IT_M
         of_it = float(np.hypot(*(met - middle))) <= max(half_m + _FELT_STD * std_m, of_it_m)
         return met if of_it and self._front(candidate, touched) == touched else None
 
@@ -271,7 +270,7 @@ class Arrival(Candidates):
     def _front(self, candidate: Candidate, met: tuple[float, float]) -> tuple[float, float]:
         """What is met of its front, bearing and range: that or, if it is narrow, beside it."""
         narrow, _, width_m = self.pilot.surface(met[0])
-        if width_m >= _WALL_M or candidate.width_m(self.pilot.config) < _WIDE_M:
+        if width_m >= _WALL_M or candidate.width_m(self.goal.share) < _WIDE_M:
             return met
         beside = self.pilot.nearest(met[0], _BESIDE_RAD, but=narrow)
         return beside if met[1] + _THIN_M < beside[1] < REACH_M else met
@@ -305,7 +304,7 @@ class Arrival(Candidates):
         bearing, range_m = place.seen_from(pilot.here)
         ahead_m = pilot.ahead_m(bearing, _AHEAD_RAD)
         nearer_m = _FELT_M
-        if candidate.is_sure(pilot.config):
+        if self._is_sure(candidate):
             nearer_m = max(nearer_m, _FELT_STD * place.std_along_m(pilot.here))
         if range_m > _FEELS_M or not range_m - nearer_m < ahead_m < REACH_M:
             return candidate  # what is before it is to be driven around

@@ -61,13 +61,14 @@ class Candidate:
             sights=(*self.sights, (here, sight)),
         )
 
-    def is_sure(self, config: MissionConfig) -> bool:
+    def is_sure(self, config: MissionConfig, share: float = 1.0) -> bool:
         """Whether arrival may be claimed there: more is seen of it than of a house of its make.
 
+        share: of 6 to 15 m, from how far the goal was pictured at most.
         Such a house shows as much as a plain goal in a sight now and then, a goal in most.
         """
         sights = [sight for _, sight in self.sights if sight.chance >= config.sure_chance]
-        shape_m = config.share * SHAPE_M
+        shape_m = share * SHAPE_M
         shapes = [sight for sight in sights if sight.surface_m >= shape_m]
         many = any(sight.n_matches - BY_CHANCE >= config.sure_matches for sight in sights)
         if many and any(sight.looks >= config.sure_looks for sight in shapes):
@@ -81,12 +82,12 @@ class Candidate:
         """The chance of its surest sight, none if it was not seen."""
         return max((sight.chance for _, sight in self.sights), default=0.0)
 
-    def width_m(self, config: MissionConfig) -> float:
-        """How wide it looks from where its shape is seen, none if it was not."""
+    def width_m(self, share: float) -> float:
+        """How wide it looks from where its shape is seen, none if it was not. share: as above."""
         widths = [
             2 * np.tan(min(sight.half_width_rad, 1.0)) * sight.surface_m
             for _, sight in self.sights
-            if sight.surface_m >= config.share * SHAPE_M
+            if sight.surface_m >= share * SHAPE_M
         ]
         return float(np.median(widths)) if widths else 0.0
 
@@ -155,6 +156,9 @@ class Candidates:
         """Whether no path led to what is there, which may be the goal all the same."""
         return self._was_blocked(place) and not self.was_mistaken(place)
 
+    def _is_sure(self, candidate: Candidate) -> bool:
+        return candidate.is_sure(self.pilot.config, self.goal.share)
+
     def _begin(self, candidate: Candidate) -> None:
         """It waits no longer: it is driven to."""
         self.candidates = [c for c in self.candidates if c.place is not candidate.place]
@@ -177,7 +181,7 @@ class Candidates:
 
     def _is_near(self, known_xy_m: Array, place: Estimate) -> bool:
         """Whether a place is one that is known, about."""
-        within_m = self.pilot.config.share * _MISTAKEN_M
+        within_m = self.goal.share * _MISTAKEN_M
         return bool(np.hypot(*(place.xy_m - known_xy_m)) < within_m)
 
     def _is_fair(self, sight: GoalSight) -> bool:

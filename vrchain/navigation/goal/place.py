@@ -85,26 +85,28 @@ class PlaceArrival(Candidates):
         """Drive to where the place should be; True if the robot surely stands there."""
         pilot = self.pilot
         self._begin(candidate)
-        place, told_nothing = candidate.place, 0
-        before: tuple[Pose, float] | None = None  # from where homing told last, and how far it is
+        place, in_vain, nearest_m = candidate.place, 0, np.inf
+        before: tuple[Pose, float] | None = None  # from where homing told it, and how far it is
         for _ in range(_LOOKS):
-            way_m = float(np.clip(_STEP * place.range_m(pilot.here), *_STEP_M))
-            if pilot.stretch(place.xy_m, _NEAR_M, way_m) is None and told_nothing:
+            bearing, range_m = place.seen_from(pilot.here)
+            way_m = float(np.clip(_STEP * range_m, *_STEP_M))
+            beyond = sighted(pilot.here, bearing, max(range_m, way_m + _NEAR_M))
+            if pilot.stretch(beyond.xy_m, _NEAR_M, way_m) is None and in_vain:
                 break
             look = pilot.look_around()
-            home = self.goal.homing(look)
+            home, nearer = self.goal.homing(look), True
             if home is not None:
-                told_m = home.remoteness
-                if before is None:
-                    home = replace(home, arrived=False)  # not before it has seen that it came near
-                else:
-                    home = _by_growth(home, pilot.here, *before)
-                before = pilot.here, told_m
+                told = pilot.here, home.remoteness
+                nearer, nearest_m = told[1] < nearest_m, min(nearest_m, told[1])
+                home = _by_growth(home, pilot.here, *(before or told))
                 if home.arrived:
                     return True
+                if before is None or before[0].distance_to_m(pilot.here.xy_m) >= _CAME_M:
+                    before = told
             seen = self._told(look, home, place)
-            place, told_nothing = (place, told_nothing + 1) if seen is None else (seen, 0)
-            if told_nothing == _ASTRAY:
+            in_vain = 0 if seen is not None and nearer else in_vain + 1
+            place = place if seen is None else seen
+            if in_vain == _ASTRAY:
                 break
         self.log("doubt", "what is seen here is not what the goal's panorama shows")
         if candidate.sights:
@@ -126,12 +128,15 @@ def _by_growth(home: HomeVector, here: Pose, stood: Pose, remoteness: float) -> 
     """Home farther away, where it came much less near than the robot drove towards it.
 
     stood, remoteness: from where, and how far, it was told before. Where all that is seen is far
-    away, it is supposed to be too near; but not how fast that changes on the way.
+    away, it is supposed to be too near; but not how fast that changes on the way. So who has not
+    moved has not arrived; who has passed it, has.
     """
     course_rad = here.yaw_rad + home.bearing_rad
     came_m = float((here.xy_m - stood.xy_m) @ [np.cos(course_rad), np.sin(course_rad)])
     nearer_m = remoteness - home.remoteness
-    if not home.arrived or came_m < _CAME_M or _TOO_NEAR * nearer_m >= came_m:
+    if abs(came_m) < _CAME_M:
+        return replace(home, arrived=False)
+    if not home.arrived or _TOO_NEAR * nearer_m >= came_m:
         return home
-    range_m = min(home.remoteness * came_m / max(nearer_m, 0.1), _HOMES_M)
+    range_m = min(home.remoteness * came_m / max(nearer_m, 0.05), _HOMES_M)
     return replace(home, arrived=range_m <= ARRIVED_M, remoteness=range_m)

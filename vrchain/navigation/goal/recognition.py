@@ -214,10 +214,11 @@ def goal_from(
     """A goal by single views that are framed on it, taken from that share of 6 to 15 m."""
     records, own, feet_m = list[LandmarkRecord](), list[Template](), list[float]()
     for picture in pictures:
-        records.append(examine(picture, weights))
+        features = extract(picture)
+        records.append(examine(picture, weights, features))
         # nearer by, the ground is seen lower
         above = LOWEST_SLOPE / share, np.inf
-        shown = template_around(extract(picture), 0.0, picture.rig.span_rad / 2, above)
+        shown = template_around(features, 0.0, picture.rig.span_rad / 2, above)
         template, far_m = _of_subject(shown, records[-1])
         own.append(template)
         feet_m.append(far_m)

@@ -44,8 +44,8 @@ class Driven:
 class Rejections:
     """What was found wrong so far.
 
-    pairs: of looks whose relative pose is; sights: panoramas whose sight of the goal is. share: as
-    in ``MissionConfig``; same_m: within which one goal is supposed, less in rooms.
+    pairs: of looks whose relative pose is; sights: panoramas whose sight of the goal is. share: the
+    goal's; same_m: within which one goal is supposed, less in rooms.
     """
 
     def __init__(

@@ -42,7 +42,7 @@ LandmarkKey = tuple[bytes, bytes, int]
 class Leg:
     """Drive to ``landmark``, common to what ``seen_by`` and ``next_by`` see.
 
-    key: names the landmark among those that failed. node: its name in ``LandmarkGraph.name``.
+    key: names the landmark among those that failed. node: its name in the graph's picture.
     chance: that it leads on. trust: that the relative pose of the two panoramas is right.
     """
 
