@@ -61,6 +61,22 @@ def test_it_says_nothing_of_a_way_that_it_does_not_know(tmp_path: Path) -> None:
         assert moved(ledger) == [None, None, 4.0]
 
 
+def test_what_is_lost_while_it_publishes_is_lost(tmp_path: Path) -> None:
+    """Odometry is heard of in another thread, and publishing takes a second."""
+    with team_ledger(tmp_path / "ledger", ["R1"], 1) as ledger:
+
+        def slowly(seen: Observation) -> LandmarkRecord:
+            if seen.odometry.x_m == 4.0:
+                robot.lost_track()
+            return examine(seen)
+
+        robot = publisher(ledger)
+        robot._examine = slowly
+        for k, x_m in enumerate([0.0, 4.0, 8.0, 12.0]):
+            robot.looked(at(x_m, k))
+        assert moved(ledger) == [None, 4.0, None, 4.0]
+
+
 def test_another_goes_on_from_what_was_published(tmp_path: Path) -> None:
     with team_ledger(tmp_path / "ledger", ["R1"], 1) as ledger:
         seen, _ = publisher(ledger).looked(at(0.0))

@@ -68,6 +68,7 @@ class Publisher:
         self.monitor = UpdateMonitor(rules)
         self._looked: Observation | None = None
         self._published: Pose | None = None  # where, by odometry, the last panorama was taken
+        self._n_lost = 0  # times that its odometry was set anew, by whoever hears of it
 
     def wants_look(self, seen: Observation, look_every_m: float = LOOK_EVERY_M) -> bool:
         """Whether the last look is some way or time ago: looking costs."""
@@ -111,14 +112,14 @@ class Publisher:
 
     def lost_track(self) -> None:
         """How it moved since it last published is not known: the next record says nothing of it."""
-        self._published = None
+        self._published, self._n_lost = None, self._n_lost + 1
 
     def _publish(
         self, seen: Observation, rule: str, blob: bytes | None
     ) -> tuple[Observation, Publication]:
         assert seen.panorama is not None
         blob = blob or seen.panorama.encode()
-        landmarks, before = None, self._published
+        landmarks, before, n_lost = None, self._published, self._n_lost
         if self._examine is not None:
             seen = replace(seen, panorama=Panorama.decode(blob))  # else none could extract it again
             moved = None if before is None else relative(before, seen.odometry)
@@ -126,7 +127,7 @@ class Publisher:
         entry = self._ledger.publish(
             self.robot, self._key, blob, rule, seen.time_ns, landmarks=landmarks
         )
-        self._published = seen.odometry
+        self._published = seen.odometry if n_lost == self._n_lost else None  # lost meanwhile
         self.monitor.published(seen)
         digest = entry.payload_digest.hex()
         return seen, Publication(self.robot, seen.time_ns / 1e9, rule, digest, len(blob))

@@ -1,5 +1,6 @@
 """Other robots' cameras: what the rig shows of them."""
 
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,9 @@ pytest.importorskip("rosbags")
 from lenses import BENT, FISHEYE, HIGH, TILTED, camera, seen_by, truth
 from sights import RIG
 
-from vrchain.errors import BagError
+from vrchain.errors import BagError, ImageError
 from vrchain.panorama import Panorama
-from vrchain.ros.cameras import Camera, narrowed, ring_of
+from vrchain.ros.cameras import Camera, lens_in, narrowed, picture_of, ring_of
 
 
 def ring(n: int, told: dict[str, float] | None = None, **changed: Any) -> list[Camera]:
@@ -85,6 +86,33 @@ def test_cameras_that_do_not_close_the_ring_leave_holes(
     off = np.abs(panorama.cylinder - truth(made.rig))
     assert off[seen].mean() < 1 and np.percentile(off[seen], 99.5) < 12
     assert Panorama.decode(panorama.encode()).seen_cylinder.tolist() == seen.tolist()
+
+
+@pytest.mark.parametrize("rectified", [False, True])
+def test_a_rectified_fisheye_is_a_pinhole(rectified: bool) -> None:
+    """Its camera_info still names the lens that took it."""
+    roi = SimpleNamespace(width=0, height=0, x_offset=0, y_offset=0)
+    matrix = np.array([[300.0, 0, 320], [0, 300, 240], [0, 0, 1]])
+    info = SimpleNamespace(
+        k=matrix.ravel(), p=np.column_stack([matrix, np.zeros(3)]).ravel(), roi=roi,
+        d=[0.1, 0.0, 0.0, 0.0], distortion_model="equidistant", width=640, height=480,
+    )  # fmt: skip
+    lens = lens_in("/c/image_rect", info, (640, 480), rectified)
+    assert lens.equidistant != rectified
+    assert lens.distortion == (() if rectified else (0.1, 0.0, 0.0, 0.0))
+
+
+def test_a_picture_of_another_size_is_refused() -> None:
+    """As when a driver is started again at another resolution."""
+    own = camera("/c")
+    width_px, height_px = own.lens.size_px
+    size = {"width": 2 * width_px, "height": height_px}
+    image = SimpleNamespace(
+        **size, step=6 * width_px, encoding="rgb8", is_bigendian=0,
+        data=np.zeros(6 * width_px * height_px, dtype=np.uint8),
+    )  # fmt: skip
+    with pytest.raises(ImageError, match=f"/c: expected {width_px} x {height_px} pixels, got"):
+        picture_of("/c", image, None, own)
 
 
 def test_fisheyes_that_see_behind_themselves() -> None:

@@ -20,7 +20,9 @@ pytest.importorskip("mcap")
 
 from vrchain.errors import BagError
 from vrchain.robot import UNSEEN_M, beams_rad, free_distances_m, steer
-from vrchain.ros.live import ring_of
+from vrchain.ros.contents import Contents, Topic
+from vrchain.ros.live import laser_in, ring_of
+from vrchain.ros.messages import SCAN
 from vrchain.ros.ros1 import Ros1
 from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 
@@ -65,6 +67,31 @@ def test_where_the_laser_is_mounted_counts() -> None:
     left, right = (round(np.arctan2(y_m, 0.3) / (2 * np.pi) * N_BEAMS) for y_m in (2.0, -8.0))
     assert ring[left] == pytest.approx(np.hypot(2.0, 0.3))
     assert ring[right] == RANGE_MAX_M  # no echo
+
+
+def heard(*names: str, frame: str = "laser") -> Contents:
+    first = Scan(header=Scan(frame_id=frame))
+    turned = np.eye(4)
+    turned[:2, :2] = -np.eye(2)
+    topics = {name: Topic(name, SCAN, first=first) for name in names}
+    return Contents(topics, {"laser": ("base_link", turned)})
+
+
+def test_the_laser_is_the_one_that_is_meant_where_it_is_mounted() -> None:
+    """One that looks back and is taken to look ahead would steer into what is there."""
+    one = heard("/R1/scan")
+    assert laser_in(one, "R1", "/R1/", {}, "base_link")[1][0, 0] == -1.0
+    topic, pose = laser_in(one, "R1", "/R1/", {"laser_bearing_deg": 90}, "base_link")
+    assert topic == "/R1/scan" and pose[:2, 0] == pytest.approx([0.0, 1.0])
+    two = heard("/R1/front/scan", "/R1/rear/scan")
+    assert laser_in(two, "R1", "/R1/", {"laser": "rear/scan"}, "base_link")[0] == "/R1/rear/scan"
+    for contents, rig, words in (
+        (two, {}, "/R1/front/scan, /R1/rear/scan are lasers: name one"),
+        (one, {"laser": "rear/scan"}, "no sensor_msgs/msg/LaserScan comes as /R1/rear/scan"),
+        (heard("/R1/scan", frame="lidar"), {}, "no transform leads from its laser, lidar, to base"),
+    ):
+        with pytest.raises(BagError, match=words):
+            laser_in(contents, "R1", "/R1/", rig, "base_link")
 
 
 @pytest.fixture

@@ -189,7 +189,7 @@ def _home_to(
 ) -> list[dict[str, object]]:
     """Home vectors around one place, a row each."""
     k, number = divmod(place, PLACES_A_SUBURB)
-    renderer = _drawn_suburb(scenes, seed, k)
+    renderer = _drawn_suburb(scenes, seed, k if scenes.varied else 0)
     home = draw_place(renderer.scene, generator(seed, "home", k, number))
     draws = generator(seed, "homing", k, number)
     made = answers(renderer, home, draws, rows, grid=grid, rig=rig)

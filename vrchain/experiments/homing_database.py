@@ -110,7 +110,9 @@ def _homes(
         ]
         asked = sum(range_m > 0 and low <= range_m <= high for _, range_m in fellows)
         ranges_m += [range_m for k, range_m in fellows if k != home]
-        if asked and (n_pairs == 0 or n_pairs + asked <= most_pairs):
+        if n_pairs and n_pairs + asked > most_pairs:
+            break  # to go on with smaller rooms alone would favour them
+        if asked:
             homes[home] = [k for k, range_m in fellows if near_m <= range_m <= high]
             n_pairs += asked
     if not homes:

@@ -62,15 +62,17 @@ def ratio(
     }
 
 
-def share(name: str, hits: Array, of: Array, again: NDArray[np.int64]) -> dict[str, object]:
+def share(
+    name: str, hits: Array, of: Array, again: NDArray[np.int64], drawn: int | None = None
+) -> dict[str, object]:
     """The ratio of a count to all, (suburbs,) each, whose interval has a width in any case.
 
     Where all are hits, or none, resampling tells nothing: one end of the exact interval then
-    (Clopper and Pearson, 1934).
+    (Clopper and Pearson, 1934), for all, or for how many were drawn by themselves.
     """
     found, n = ratio(name, hits, of, again, most=1.0), of.sum()
     if n and hits.sum() in (0, n):
-        off = float(1 - _TAIL ** (1 / n))
+        off = float(1 - _TAIL ** (1 / (drawn or n)))
         found[f"{name}_ci"] = [1 - off, 1.0] if hits.sum() else [0.0, off]
     return found
 
@@ -97,9 +99,11 @@ class Bootstrap:
         """The mean of values, each ``of`` a suburb and ``most`` at most, as ``ratio`` tells it."""
         return ratio(name, self.sums(values, of), self.sums(values.notna(), of), self.again, most)
 
-    def share(self, name: str, hits: pd.Series, of: pd.Series) -> dict[str, object]:
+    def share(
+        self, name: str, hits: pd.Series, of: pd.Series, drawn: int | None = None
+    ) -> dict[str, object]:
         """The share of hits, each ``of`` a suburb, as ``share`` tells it."""
-        return share(name, self.sums(hits, of), self.sums(hits.notna(), of), self.again)
+        return share(name, self.sums(hits, of), self.sums(hits.notna(), of), self.again, drawn)
 
 
 def or_none(value: float | np.floating) -> float | None:

@@ -3,6 +3,7 @@
 import json
 from collections.abc import Callable, Sequence
 from functools import partial
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +11,18 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
 
+# By other versions of these what is seen may differ in its last bits, and so what is decided.
+_LIBRARIES = {"numpy", "scipy", "opencv-python-headless", "pyrender", "torch"}
+
 
 def folder_of(folder: Path, scenes: Scenes, *asked: object) -> Path:
-    """Where results of just this are kept: made by this code, in these scenes."""
-    return folder / name_of([code_digest(), scenes.digest, *asked])
+    """Where results of just this are kept: made by this code and libraries, in these scenes."""
+    return folder / name_of([code_digest(), _versions(), scenes.digest, *asked])
+
+
+def _versions() -> list[str]:
+    told = {d.name.lower(): d.version for d in distributions()}
+    return [f"{name} {told.get(name)}" for name in sorted(_LIBRARIES)]
 
 
 def kept(file: Path, find: Callable[[], Any]) -> Any:

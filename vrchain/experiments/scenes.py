@@ -89,7 +89,8 @@ def _digest(path: Path, scene: Scene) -> str:
     """Of a world's file and of the things in it: their light follows from those."""
     content = hashlib.sha256(path.read_bytes())
     for thing in scene.objects:
-        content.update(f"{thing.name} {thing.kind} {thing.model} {thing.landmark}".encode())
+        known = thing.name, thing.kind, thing.model, thing.landmark, thing.solid, thing.size_m
+        content.update(repr((*known, thing.outline and thing.outline.wkt)).encode())
         for surface in thing.surfaces:
             content.update(surface.digest)
     return content.hexdigest()
@@ -97,4 +98,9 @@ def _digest(path: Path, scene: Scene) -> str:
 
 def spec_of(spec: SceneSpec, seed: int, k: int) -> SceneSpec:
     """The spec with the seed of suburb ``k`` of a seed."""
-    return replace(spec, seed=int(generator(seed, "suburb", k).integers(2**31)))
+    return replace(spec, seed=seed_of(seed, k))
+
+
+def seed_of(seed: int, k: int) -> int:
+    """The seed of suburb ``k`` of a seed: things of one number in two suburbs share no draws."""
+    return int(generator(seed, "suburb", k).integers(2**31))

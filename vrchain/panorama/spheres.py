@@ -29,6 +29,7 @@ def equirectangular_jpeg(panorama: Panorama, heading_deg: float | None = None) -
     width_px = whole_px if rig.closed else 2 * (columns // 2)
     highest_rad = np.arctan(rows / 2 / rig.px_per_rad)
     height_px = 2 * int(highest_rad * whole_px / (2 * np.pi))
+    height_px -= (whole_px // 2 - height_px) % 2  # else it would not lie in the middle
     rad_per_px = 2 * np.pi / whole_px
     bearing = (width_px / 2 - 0.5 - np.arange(width_px)) * rad_per_px
     elevation = (height_px / 2 - 0.5 - np.arange(height_px)) * rad_per_px

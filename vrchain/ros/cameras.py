@@ -12,13 +12,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.errors import BagError, SpecError
+from vrchain.errors import BagError, ImageError, SpecError
 from vrchain.geometry import rotation_z
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.panorama.calibrations import OPTICAL, lens_of
 from vrchain.panorama.models import Lens, pinhole
 from vrchain.panorama.resampling import REACH, Source, drawn, rig_for, sources_of, tilted
 from vrchain.panorama.resampling import Camera as Mounted
+from vrchain.ros.messages import rgb_of
 
 Array = NDArray[np.float64]
 
@@ -63,13 +64,28 @@ class Camera:
         return Mounted(blank, partial(pinhole, lens=self.lens), self.pose[:3, :3] @ OPTICAL)
 
 
+def picture_of(topic: str, image: Any, label: str | None, camera: Camera) -> NDArray[np.uint8]:
+    """A message's picture, (h, w, 3) uint8 RGB. ImageError if there is none, or of another size."""
+    try:
+        picture = rgb_of(image, label)
+    except ImageError as error:
+        raise ImageError(f"{topic}: {error}") from error
+    width_px, height_px = camera.lens.size_px
+    if picture.shape[:2] != (height_px, width_px):
+        raise ImageError(
+            f"{topic}: expected {width_px} x {height_px} pixels, got "
+            f"{picture.shape[1]} x {picture.shape[0]}"
+        )
+    return picture
+
+
 def lens_in(topic: str, info: Any, size_px: tuple[int, int], rectified: bool) -> Lens:
     """From a CameraInfo and the size of the pictures. BagError if it tells no calibration."""
     matrix = np.asarray(info.k if hasattr(info, "k") else info.K, float).reshape(3, 3)
-    distortion = info.d if hasattr(info, "d") else info.D
-    if rectified:
+    distortion, model = info.d if hasattr(info, "d") else info.D, info.distortion_model
+    if rectified:  # as by a pinhole, whatever lens took them
         matrix = np.asarray(info.p if hasattr(info, "p") else info.P, float).reshape(3, 4)
-        distortion = ()
+        distortion, model = (), "plumb_bob"
     fx, fy, cx, cy = matrix[0, 0], matrix[1, 1], matrix[0, 2], matrix[1, 2]
     roi, (width_px, height_px) = info.roi, size_px
     if not (np.isfinite(matrix).all() and fx > 0 and fy > 0):
@@ -86,7 +102,7 @@ def lens_in(topic: str, info: Any, size_px: tuple[int, int], rectified: bool) ->
         fx, cx = fx * across, (cx + 0.5) * across - 0.5
         fy, cy = fy * down, (cy + 0.5) * down - 0.5
     try:
-        return lens_of(size_px, (fx, fy, cx, cy), info.distortion_model, distortion)
+        return lens_of(size_px, (fx, fy, cx, cy), model, distortion)
     except ValueError as error:
         raise BagError(f"{topic}: its camera_info is of no use ({error}): give --rig") from error
 

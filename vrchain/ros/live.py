@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.errors import BagError, ImageError, MissionError
-from vrchain.geometry import Pose, placed, relative
+from vrchain.geometry import Pose, placed, relative, rotation_z
 from vrchain.panorama import Panorama
 from vrchain.robot import STOP, UNSEEN_M, Drive, Observation
+from vrchain.ros.cameras import picture_of
 from vrchain.ros.contents import Contents, Topic, keep, yaw_of
 from vrchain.ros.formats import Message
 from vrchain.ros.messages import (
@@ -29,7 +30,6 @@ from vrchain.ros.messages import (
     TF,
     TWIST,
     opened,
-    rgb_of,
     stamp_ns,
 )
 from vrchain.ros.nodes import Node
@@ -38,6 +38,7 @@ from vrchain.ros.telling import Messages
 from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 
 _KEPT = 300  # poses of odometry
+_PICTURES = 30  # of each camera, until there is one of each: some come a second late
 _SAID_EVERY_S = 0.1  # a command, while it is driven
 _STALE_S = 1.0  # odometry or ranges that are older: the robot stands until new ones come
 
@@ -69,14 +70,13 @@ class LiveRobot:
         self._scan: Any = None
         self._heard_s = {"odometry": -np.inf, "ranges": -np.inf}
         self._images: dict[str, deque[Message]] = {}
-        contents = self._listen(rig, slop_s)
-        self._laser = self._laser_pose(contents)
+        self._listen(rig, slop_s)
         topic = self._prefix + str(rig.get("velocity", "cmd_vel"))
         self._stamped = bool(rig.get("velocity_stamped", False))
         self._wheels = ros.advertise(topic, STAMPED if self._stamped else TWIST)
         self._make = Messages(ros.ros1)
 
-    def _listen(self, rig: Mapping[str, Any], slop_s: float) -> Contents:
+    def _listen(self, rig: Mapping[str, Any], slop_s: float) -> None:
         """Until all that is needed was heard once, then go on with odometry and ranges alone."""
         contents = Contents({}, {})
 
@@ -106,18 +106,17 @@ class LiveRobot:
                         continue
                     if ends.keys() - contents.topics.keys() and time.monotonic() < complete_s:
                         continue  # what is announced may still come: a camera too few is a hole
-                    scans = [t for t in contents.topics.values() if t.type == SCAN and t.first]
-                    if not scans:
-                        lacks = f"{self._name}: no {SCAN} comes below {self._prefix}"
-                        continue
                     try:
                         found = robot_in(
                             contents, self._name, self._prefix, rig, max(slop_s, 3600.0)
                         )
+                        scanned, self._laser = laser_in(
+                            contents, self._name, self._prefix, rig, found.base
+                        )
                     except BagError as error:
                         lacks = str(error)
                         continue
-                    self._seen_by, self._scanned = found, scans[0]
+                    self._seen_by = found
                     break
             else:
                 raise BagError(f"{lacks} (listened for {self._patience_s:g} s)")
@@ -125,13 +124,8 @@ class LiveRobot:
             for end in ends.values():
                 end()
         self._ros.subscribe(found.odometry, ODOMETRY, self._take_odometry)
-        self._ros.subscribe(self._scanned.name, SCAN, self._take_scan)
+        self._ros.subscribe(scanned, SCAN, self._take_scan)
         self._kinds = {topic: contents.topics[topic].type for topic in found.topics}
-        return contents
-
-    def _laser_pose(self, contents: Contents) -> NDArray[np.float64]:
-        pose = contents.pose_in(self._scanned.frame, self._seen_by.base)
-        return np.eye(4) if pose is None else pose
 
     def _take_odometry(self, message: Message) -> None:
         told = opened(message)
@@ -211,7 +205,7 @@ class LiveRobot:
         with self._changed:
             self._await(lambda: bool(self._poses), "odometry")
             since_ns = self._poses[-1][0]
-            self._images = {topic: deque(maxlen=4) for topic in topics}
+            self._images = {topic: deque(maxlen=_PICTURES) for topic in topics}
         ends = [self._ros.subscribe(t, self._kinds[t], self._take_image) for t in topics]
         found: list[Message] = []
 
@@ -235,9 +229,10 @@ class LiveRobot:
         finally:
             for end in ends:
                 end()
-        labels = dict(zip(self._seen_by.topics, self._seen_by.labels, strict=True))
+        own = self._seen_by
+        told = dict(zip(own.topics, zip(own.labels, own.ring.cameras, strict=True), strict=True))
         try:
-            pictures = [rgb_of(opened(m), labels[m.topic]) for m in taken]
+            pictures = [picture_of(m.topic, opened(m), *told[m.topic]) for m in taken]
         except (BagError, ImageError) as error:
             raise MissionError(f"{self._name}: {error}") from error
         return pictures, sorted(self._when(m) for m in taken)[len(taken) // 2]
@@ -289,6 +284,32 @@ class LiveRobot:
     def close(self) -> None:
         """Stand still."""
         self._say(STOP)
+
+
+def laser_in(
+    contents: Contents, name: str, prefix: str, rig: Mapping[str, Any], base: str
+) -> tuple[str, NDArray[np.float64]]:
+    """The topic of its laser, and (4, 4) from that's frame to the robot's. BagError if unknown."""
+    named, scans = str(rig.get("laser", "")), dict[str, Topic]()
+    wanted = named if named.startswith("/") else prefix + named
+    for topic in contents.topics.values():
+        if topic.type == SCAN and topic.first and (not named or topic.name == wanted):
+            scans[topic.name] = topic
+    if not scans:
+        raise BagError(f"{name}: no {SCAN} comes {f'as {wanted}' if named else f'below {prefix}'}")
+    if len(scans) > 1:
+        raise BagError(f"{name}: {', '.join(scans)} are lasers: name one as laser in --rig")
+    (topic,) = scans.values()
+    pose = contents.pose_in(topic.frame, base)
+    if "laser_bearing_deg" in rig:
+        pose = np.eye(4)
+        pose[:3, :3] = rotation_z(np.radians(float(rig["laser_bearing_deg"])))
+    if pose is None:
+        raise BagError(
+            f"{name}: no transform leads from its laser, {topic.frame}, to {base}: publish it as "
+            "tf_static, or tell laser_bearing_deg in --rig"
+        )
+    return topic.name, pose
 
 
 def ring_of(scan: Any, laser: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,9 +18,10 @@ from vrchain.panorama import Panorama
 from vrchain.panorama.panorama import pack
 from vrchain.publisher import LOOK_EVERY_M, Examine, Publication, Publisher, look_due
 from vrchain.robot import Observation, UpdateRules
+from vrchain.ros.cameras import picture_of
 from vrchain.ros.contents import contents_of
 from vrchain.ros.formats import Message
-from vrchain.ros.messages import is_jpeg, opened, rgb_of
+from vrchain.ros.messages import is_jpeg, opened
 from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
 from vrchain.ros.storage import messages
 
@@ -152,21 +153,8 @@ class _Player:
 
     def _panorama(self, coded: Sequence[Message]) -> tuple[Panorama, bytes | None]:
         recorded, images = self.recorded, [opened(message) for message in coded]
-        pictures = []
-        for topic, image, label, camera in zip(
-            recorded.topics, images, recorded.labels, recorded.ring.cameras, strict=True
-        ):
-            try:
-                picture = rgb_of(image, label)
-            except ImageError as error:
-                raise ImageError(f"{topic}: {error}") from error
-            width_px, height_px = camera.lens.size_px
-            if picture.shape[:2] != (height_px, width_px):
-                raise ImageError(
-                    f"{topic}: expected {width_px} x {height_px} pixels, got "
-                    f"{picture.shape[1]} x {picture.shape[0]}"
-                )
-            pictures.append(picture)
+        told = zip(recorded.topics, images, recorded.labels, recorded.ring.cameras, strict=True)
+        pictures = [picture_of(*one) for one in told]
         panorama = recorded.ring.panorama(pictures)
         own = recorded.ring.exact and not any(recorded.labels) and all(map(is_jpeg, images))
         rig = recorded.ring.rig

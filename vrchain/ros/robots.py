@@ -10,7 +10,7 @@ import yaml
 from numpy.typing import ArrayLike, NDArray
 
 from vrchain.errors import BagError
-from vrchain.geometry import Pose, placed, relative, wrap_angle_rad
+from vrchain.geometry import Pose, placed, relative, rotation_z, wrap_angle_rad
 from vrchain.ros.cameras import (
     Camera,
     Ring,
@@ -30,7 +30,8 @@ _JUMP_RAD, _JUMP_RAD_S = 1.0, 6.0
 _SILENT_NS = 1_000_000_000  # without odometry, around a look
 _BASES = ("base_footprint", "base_link")
 _PREFERRED = ("image_raw", "image_color", "image", "image_mono", "image_rect_color", "image_rect")
-_KEYS = {"camera_height_m", "odometry", "cameras", "velocity", "velocity_stamped"}
+_KEYS = {"camera_height_m", "odometry", "cameras"}
+_KEYS |= {"laser", "laser_bearing_deg", "velocity", "velocity_stamped"}  # of a live robot
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,10 +208,10 @@ def _way(topic: Topic, tell: Tell) -> tuple[Way, int]:
     far = is_jump(np.hypot(steps[:, 0], steps[:, 1]), steps[:, 2], np.diff(times) / 1e9)
     jumps = 1 + np.flatnonzero(far)
     for k in jumps:  # go on from where it was
-        there, new = Pose(*poses[k - 1]), Pose(*poses[k])
-        for row in poses[k:]:
-            moved = placed(there, relative(new, Pose(*row)))
-            row[:] = moved.x_m, moved.y_m, moved.yaw_rad
+        there, new = poses[k - 1].copy(), poses[k].copy()
+        turn_rad = there[2] - new[2]
+        poses[k:, :2] = there[:2] + (poses[k:, :2] - new[:2]) @ rotation_z(turn_rad)[:2, :2].T
+        poses[k:, 2] = wrap_angle_rad(poses[k:, 2] + turn_rad)
     if len(jumps):
         tell(f"{topic.name}: set anew {len(jumps)} times: no way is told across that")
     return Way(times, poses, tuple(int(t) for t in times[jumps])), offset_ns

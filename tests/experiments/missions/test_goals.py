@@ -29,7 +29,7 @@ def looked_at(keypoints: list[int], own: bool = True) -> pd.DataFrame:
                 chance = 0.9 if matches else 0.0
                 sight = GoalSight(0.0, 9.0, from_m, 0.2, matches, 3.5, chance, n_shown=900)
                 where = {"goal": "house_1", "house": "house_1" if own else "house_2", "own": own}
-                where |= {"suburb": suburb, "side": side, "from_m": from_m}
+                where |= {"suburb": suburb, "side": side, "from_m": from_m, "share": 1.0}
                 rows.append({**where, **asdict(sight)})
     return pd.DataFrame(rows)
 
@@ -43,7 +43,8 @@ def test_figures_are_those_of_the_table() -> None:
     assert goal["sure"] == goal["sure_1"] == pytest.approx(1 / 3)
     assert goal["houses_sure"] == 2
     assert (other["sides_likely"], other["sure_3"], other["houses_sure"]) == (12, 0.0, 0)
-    assert other["sure_3_ci"][0] == 0 < other["sure_3_ci"][1]
+    # of two houses that are sure from no side: their twelve sides are no independent trials
+    assert other["sure_3_ci"] == pytest.approx([0.0, 1 - 0.025**0.5])
     table = as_table(found)
     assert table["goal"]["sure"] == "0.3333"  # two suburbs alike tell no interval
     assert table[OTHER]["sure_3"].startswith("0 [0, ")

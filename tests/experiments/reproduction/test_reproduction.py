@@ -258,7 +258,7 @@ def test_without_names_everything_is_made_anew(empty: Results) -> None:
     ]  # fmt: skip
 
 
-def test_one_that_was_broken_off_goes_on(empty: Results, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_one_that_was_broken_off_goes_on(empty: Results) -> None:
     said: list[str] = []
     with pytest.raises(RuntimeError, match="broke off"):
         reproduce(empty, (), {**LIGHT, "update": failing}, quiet)
@@ -268,17 +268,15 @@ def test_one_that_was_broken_off_goes_on(empty: Results, monkeypatch: pytest.Mon
     (empty.folder / "survey" / MARKER).write_text("{}")  # what rests on it is of another, then
     reproduce(empty, ["survey", "update"], LIGHT, said.append, resume=True)
     assert [line.split()[0] for line in said[2:]] == ["survey", "update"]
-    monkeypatch.setattr("vrchain.experiments.reproduction.results.code_digest", lambda: "another")
+    empty = replace(empty, code="another")
     reproduce(empty, ["survey"], LIGHT, said.append, resume=True)
     assert said[-1].split()[0] == "survey"
 
 
-def test_results_of_other_code_are_taken_and_told_of(
-    empty: Results, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_of_other_code_are_taken_and_told_of(empty: Results) -> None:
     said: list[str] = []
     reproduce(empty, (), LIGHT, said.append)
-    monkeypatch.setattr("vrchain.experiments.reproduction.results.code_digest", lambda: "another")
+    empty = replace(empty, code="another")
     reproduce(empty, ["update"], LIGHT, said.append)
     reproduction.tell_of_other_code(empty, tell=said.append)
     _, _, _, first, _, second = said

@@ -11,6 +11,7 @@ from vrchain.landmarks.extraction.raster import (
     ROWS,
     cell_bearings_rad,
     cell_slopes,
+    cells_at,
     columns_of,
     picture_of,
     unseen_cells,
@@ -48,6 +49,15 @@ def test_cells_are_where_things_are_seen() -> None:
     for seen, true in ((seen_bearing, bearing), (seen_slope, slope)):
         assert abs(seen.min() - true.min()) < slack_rad
         assert abs(seen.max() - true.max()) < slack_rad
+
+
+def test_beside_a_single_view_there_is_no_cell() -> None:
+    rig = CameraRig(1, 640, 480, 60.0)
+    bearing_rad = np.radians([0.0, 29.9, 30.1, -29.9, -30.1, 179.0])
+    _, inside = cells_at(bearing_rad, np.zeros(6), rig)
+    assert inside.tolist() == [True, True, False, True, False, False]
+    _, inside = cells_at(bearing_rad, np.zeros(6), CameraRig())
+    assert inside.all()
 
 
 def test_cells_at_a_hole_are_unseen() -> None:

@@ -16,7 +16,7 @@ from vrchain.errors import MissionError
 from vrchain.experiments.intervals import ratio, resampled, share
 from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.landmarks.pairs import draw_poses
-from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.scenes import Scenes, seed_of
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import (
     LandmarkRecord,
@@ -148,7 +148,7 @@ def _search_in(scenes: Scenes, config: SearchConfig, seed: int, k: int) -> list[
         if looked_up == config.goals:
             break
         showing = {n for n, t in enumerate(taken) if goal in t.shows}
-        pictured = goal_poses(scene, truth, goal, seed)
+        pictured = goal_poses(scene, truth, goal, seed_of(seed, k))
         if not showing or len(pictured) < GOAL_PICTURES:
             continue
         name = scene.objects[goal].name

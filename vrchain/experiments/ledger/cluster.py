@@ -164,16 +164,7 @@ def at_rest(updates: int = 100, robots: int = 3, *, seed: int = 0) -> pd.DataFra
     over = {"offer": "bare", "read": "read_folder", "validated": "folder"}
     bars = {"offer": 1.5, "read": 1.0}
     rows = []
-    for name in (
-        "bare",
-        "offer",
-        "folder",
-        "publish",
-        "validated",
-        "beyond",
-        "read_folder",
-        "read",
-    ):
+    for name in _SHOWN:
         own_ms = np.array(times[name])
         base = float(np.median(times[over[name]])) if name in over else float("nan")
         median_ms = float(np.median(own_ms))

@@ -15,7 +15,7 @@ import shapely
 from vrchain.experiments.intervals import Bootstrap, table_of
 from vrchain.experiments.missions.draw import Ground
 from vrchain.experiments.missions.goals import by_suburb
-from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.scenes import Scenes, seed_of
 from vrchain.geometry import Pose
 from vrchain.landmarks.retrieval.index import LandmarkIndex
 from vrchain.navigation.goal.recognition import goal_from
@@ -85,7 +85,7 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict[str, obj
     for goal in map(int, draws.permutation(goals)):
         if len(rows) == n_goals:
             break
-        poses = tuple(goal_poses(scene, ground.truth, goal, seed))
+        poses = tuple(goal_poses(scene, ground.truth, goal, seed_of(seed, k)))
         if len(poses) == GOAL_PICTURES:
             share = pictured_share(scene, scene.objects[goal].name, poses)
             start = _start(ground, room, goal, share, draws)

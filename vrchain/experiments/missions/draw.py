@@ -17,6 +17,7 @@ import numpy as np
 
 from vrchain.errors import MissionError
 from vrchain.experiments.missions.chains import PLACE, Chains, TrueChain, Views
+from vrchain.experiments.scenes import seed_of
 from vrchain.geometry import Pose
 from vrchain.panorama import CameraRig
 from vrchain.seeding import generator
@@ -99,13 +100,13 @@ class Ground:
         room, goals = self.room(to_places)
         places = self.places(seed, k, room) if landmarks else None
         draws = generator(seed, "mission to a place" if to_places else "mission", k, number)
-        names = robot_names(n_robots)
+        names, own = robot_names(n_robots), seed_of(seed, k)
         least_m, confined = self._least_m(room)
         least = landmarks or (2 if number % 3 == 0 and not confined else 0)
         rejected: Counter[str] = Counter()
         most = _DRAWS_AMONG_PLACES if places else _DRAWS
         for _ in range(most):
-            found = self._draw(draws, names, room, goals, seed, number, least, least_m, places)
+            found = self._draw(draws, names, room, goals, own, number, least, least_m, places)
             if isinstance(found, Mission):
                 return replace(found, rejected=dict(rejected))
             rejected[found] += 1
@@ -176,10 +177,9 @@ class Ground:
         return (way_m, pictured) if len(pictured) == GOAL_PICTURES else None
 
     def way_m(self, pose: Pose, goal: str, goal_poses: tuple[Pose, ...]) -> float:
-        """The shortest free way to a goal, from the free place nearest to a pose."""
-        to_place = goal == PLACE
-        zone = self._zone(goal_poses[0] if to_place else self.scene.index_of(goal))
-        within_m = self.free.points_m[self.free.region == self.room(to_place)[0]]
+        """The shortest free way to a goal near others, from the free place nearest to a pose."""
+        zone = self._zone(goal_poses[0] if goal == PLACE else self.scene.index_of(goal))
+        within_m = self.free.points_m[self.free.region == self.room()[0]]
         nearest_m = within_m[np.hypot(*(within_m - pose.xy_m).T).argmin()]
         return float(self.free.from_m(nearest_m)[zone].min())
 

@@ -223,6 +223,7 @@ class Suburb:
                     robot, robots[robot], known, index, goal, misleading, config, bars.tell
                 )
 
+            bumped = simulator.collisions(robot)
             if conditions.task == "change":
                 other = self.ground.another(mission, number)
                 drive_to(
@@ -233,7 +234,6 @@ class Suburb:
                 way_m = self.ground.way_m(pose, mission.goal, mission.goal_poses)
                 mission = replace(mission, way_m=way_m, chain=None)
             first, started_ns = len(simulator.times_s) - 1, simulator.clock_ns
-            bumped = simulator.collisions(robot)
             result = drive_to(mission, goal, conditions.config.limit_s)
             sent = wire.sent(robot, len(others))
         seconds = (simulator.clock_ns - started_ns) / 1e9

@@ -16,7 +16,7 @@ import shapely
 from vrchain.errors import MissionError
 from vrchain.experiments.intervals import Bootstrap, or_none, table_of
 from vrchain.experiments.kept import folder_of, kept_each
-from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.scenes import Scenes, seed_of
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.landmarks.extraction.record import maker_of
 from vrchain.navigation.driving.estimates import Estimate
@@ -42,6 +42,7 @@ _AZIMUTHS_RAD = np.arange(SIDES) * 2 * np.pi / SIDES
 _MORE_SIDES = (0, 1, 2, 3)  # looked at besides the first
 _WINDOW_RAD = 0.3  # around the middle of the house that is looked at
 _STEP_M = 0.25
+_NOTHING = GoalSight(0.0, 0.0, 0.0, 0.0, 0, 0.0, 0.0)  # where nothing is proposed
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,12 +59,13 @@ class _Seen:
 def evaluate(
     scenes: Scenes, n_suburbs: int, n_goals: int, *, seed: int, folder: Path, jobs: int | None = 1
 ) -> pd.DataFrame:
-    """One row a goal and look in which something may be it; what is under ``folder`` is read.
+    """One row a goal and look; what is under ``folder`` is read.
 
-    n_goals: of each suburb, at most. Columns: suburb, goal, house (that is looked at), own (whether
-    it is the goal; else the look does not show the goal at all), side, from_m, and those of
-    ``GoalSight``. A world that stays as it is is one suburb; its goals are numbered as suburbs are,
-    so that intervals are over them. MissionError if nothing is asked for, or no goal is seen.
+    n_goals: of each suburb, at most. Columns: suburb, goal, share (its own), house (that is looked
+    at), own (whether it is the goal; else the look does not show the goal at all), side, from_m,
+    and those of ``GoalSight``. A world that stays as it is is one suburb; its goals are numbered as
+    suburbs are, so that intervals are over them. MissionError if nothing is asked for, or no goal
+    is seen.
     """
     return by_suburb(_rows, scenes, n_suburbs, n_goals, seed, folder, jobs)
 
@@ -108,7 +110,7 @@ def summarise(found: pd.DataFrame) -> dict[str, dict]:
             },
             "sides_likely": len(tried),
             **_shares(tried),
-            "houses_sure": sum(_suspect(_sights(h)).is_sure(config) for _, h in houses),
+            "houses_sure": sum(_is_sure(_sights(h), h, config) for _, h in houses),
         }
     return summary
 
@@ -125,7 +127,7 @@ def _shares(tried: pd.DataFrame) -> dict[str, object]:
     if len(tried):
         told = Bootstrap(tried.suburb, "goal sights")
         for name in map(_sure, _MORE_SIDES):
-            found |= told.share(name, tried[name], tried.suburb)
+            found |= told.share(name, tried[name], tried.suburb, tried.house.nunique())
     return found
 
 
@@ -137,11 +139,12 @@ def _from_sides(house: pd.DataFrame, config: MissionConfig) -> list[dict[str, ob
         seen = list(sights[side])
         if max((s.chance for s in seen), default=0.0) < EVEN:
             continue
-        row: dict[str, object] = {"suburb": house.suburb.iloc[0]}
+        suburb, name = house[["suburb", "house"]].iloc[0]
+        row: dict[str, object] = {"suburb": suburb, "house": f"{suburb} {name}"}
         for n in _MORE_SIDES:
             if n:
                 seen += sights[(side + n) % SIDES][-1:]
-            row[_sure(n)] = row.get(_sure(n - 1), False) or _suspect(seen).is_sure(config)
+            row[_sure(n)] = row.get(_sure(n - 1), False) or _is_sure(seen, house, config)
         rows.append(row)
     return rows
 
@@ -159,11 +162,12 @@ def _sights(rows: pd.DataFrame) -> list[GoalSight]:
     ]
 
 
-def _suspect(sights: Sequence[GoalSight]) -> Candidate:
-    """Of sights that a robot would keep."""
-    kept = [s for s in sights if s.chance >= MissionConfig.least_chance]
-    place = Estimate(np.zeros(2), np.eye(2))
-    return Candidate(place, 0.0, tuple((Pose(float(k), 0.0), s) for k, s in enumerate(kept)))
+def _is_sure(sights: Sequence[GoalSight], house: pd.DataFrame, config: MissionConfig) -> bool:
+    """Whether arrival may be claimed by those of them that a robot would keep."""
+    kept = [s for s in sights if s.chance >= config.least_chance]
+    own = tuple((Pose(float(k), 0.0), s) for k, s in enumerate(kept))
+    candidate = Candidate(Estimate(np.zeros(2), np.eye(2)), 0.0, own)
+    return candidate.is_sure(config, float(house.share.iloc[0]))
 
 
 def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
@@ -193,7 +197,7 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
     for goal in map(int, draws.permutation(houses)):
         if pictured == n_goals:
             break
-        poses = goal_poses(scene, truth, goal, seed)
+        poses = goal_poses(scene, truth, goal, seed_of(seed, k))
         if len(poses) < GOAL_PICTURES:
             continue
         pictured += 1
@@ -202,16 +206,15 @@ def _rows(scenes: Scenes, seed: int, n_goals: int, k: int) -> list[dict]:
         known = goal_from(pictures, share=pictured_share(scene, name, poses))
         for seen in looks:
             if seen.house == goal or goal not in seen.shows:
-                sight = known.find(seen.look, 0.0, _WINDOW_RAD)
-                if sight is not None:
-                    rows.append(
-                        {
-                            "goal": name,
-                            "house": scene.objects[seen.house].name,
-                            "own": seen.house == goal,
-                            "side": seen.side,
-                            "from_m": seen.range_m,
-                            **asdict(sight),
-                        }
-                    )
+                rows.append(
+                    {
+                        "goal": name,
+                        "share": known.share,
+                        "house": scene.objects[seen.house].name,
+                        "own": seen.house == goal,
+                        "side": seen.side,
+                        "from_m": seen.range_m,
+                        **asdict(known.find(seen.look, 0.0, _WINDOW_RAD) or _NOTHING),
+                    }
+                )
     return rows

@@ -21,7 +21,7 @@ from vrchain.experiments.intervals import Bootstrap, table_of
 from vrchain.experiments.kept import folder_of, kept_each
 from vrchain.experiments.missions.chains import Views
 from vrchain.experiments.missions.draw import Ground
-from vrchain.experiments.scenes import Scenes
+from vrchain.experiments.scenes import Scenes, seed_of
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.record import maker_of
 from vrchain.navigation.goal.recognition import goal_from
@@ -64,7 +64,7 @@ class Errand:
 def draw(ground: Ground, seed: int, k: int, number: int, n_robots: int) -> dict[str, Errand]:
     """What each robot has to do, uniform as missions are. MissionError: there is no room for it."""
     names, (room, goals) = robot_names(n_robots), ground.room()
-    draws = generator(seed, "team", k, number)
+    draws, own = generator(seed, "team", k, number), seed_of(seed, k)
     for _ in range(_DRAWS):
         poses = [Pose(*map(float, stand)) for stand in ground.stands(draws, n_robots, room)]
         if any(a.distance_to_m(b.xy_m) < _APART_M for a, b in combinations(poses, 2)):
@@ -73,7 +73,7 @@ def draw(ground: Ground, seed: int, k: int, number: int, n_robots: int) -> dict[
         left, errands = list(draws.permutation(goals)), dict[str, Errand]()
         for name, pose in zip(names, poses, strict=True):
             for target in map(int, left):
-                if found := ground.within_reach(pose, target, seed, room, views):
+                if found := ground.within_reach(pose, target, own, room, views):
                     way_m, pictured = found
                     goal = ground.scene.objects[target].name
                     errands[name] = Errand(pose, goal, pictured, way_m)
@@ -196,6 +196,7 @@ def summarise(table: pd.DataFrame) -> dict[str, dict[str, object]]:
     )  # fmt: skip
     whole = runs[runs.all_arrived]
     success = table.success.astype(bool)
+    drove = success & (table.way_m > 0)  # after a patrol a robot may stand at its goal
     found: dict[str, object] = {
         "runs": len(runs),
         "robots": len(table) // len(runs),
@@ -203,10 +204,9 @@ def summarise(table: pd.DataFrame) -> dict[str, dict[str, object]]:
         **told.share("all_600s", (runs.all_arrived & (runs.last_s <= 600)).astype(float),
                      runs.suburb),
         **told.mean("all_s", whole.last_s, whole.suburb),
-        **told.share("success", success.astype(float), table.suburb),
+        **told.share("success", success.astype(float), table.suburb, len(runs)),
         **told.mean("seconds", table.seconds[success], table.suburb[success]),
-        **told.mean("driven_over_way", (table.driven_m / table.way_m)[success],
-                    table.suburb[success]),
+        **told.mean("driven_over_way", (table.driven_m / table.way_m)[drove], table.suburb[drove]),
         "false_arrivals": int((table.arrived.astype(bool) & ~success).sum()),
         "collisions": int(table.collisions.sum()),
         "nearest_m": float(runs.nearest_m.min()),

@@ -81,10 +81,14 @@ def profile_named(name: str) -> Profile:
 
 @dataclass(frozen=True)
 class Results:
-    """The results of a profile, below the folder ``build``."""
+    """The results of a profile, below the folder ``build``.
+
+    code: what the package was as they were opened, which is what makes them.
+    """
 
     profile: Profile
     build: Path = BUILD
+    code: str = field(default_factory=lambda: code_digest())
 
     @classmethod
     def here(cls, profile: str | None = None) -> "Results":
@@ -110,11 +114,11 @@ class Results:
         Pictures and commands make none: see ``files.code_digest``.
         """
         there = filter(self.has, stages)
-        return [stage for stage in there if self._made(stage).get("code") != code_digest()]
+        return [stage for stage in there if self._made(stage).get("code") != self.code]
 
     def marker(self, stage: str) -> str:
         """The content of a finished stage's marker file."""
-        made = {"stage": stage, "profile": asdict(self.profile), "code": code_digest()}
+        made = {"stage": stage, "profile": asdict(self.profile), "code": self.code}
         return json.dumps(made, indent=2) + "\n"
 
     def _made(self, stage: str) -> dict[str, object]:

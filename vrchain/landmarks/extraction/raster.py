@@ -84,8 +84,10 @@ def cells_at(
     """The cell in each direction, counted row by row, and whether there is one: (n,) each."""
     rows, columns = ROWS // CELL_PX, columns_of(rig) // CELL_PX
     from_left = rig.span_rad / 2 - wrap_angle_rad(bearing_rad)
-    column = np.floor(from_left / (rig.span_rad / columns)).astype(int) % columns
+    column = np.floor(from_left / (rig.span_rad / columns)).astype(int)
     slopes = cell_slopes()
     row = np.round((slopes[0] - slope) / (slopes[0] - slopes[1]))
     inside = (row >= 0) & (row < rows)
-    return row.clip(0, rows - 1).astype(int) * columns + column, inside
+    if not rig.closed:
+        inside &= (column >= 0) & (column < columns)
+    return row.clip(0, rows - 1).astype(int) * columns + column % columns, inside

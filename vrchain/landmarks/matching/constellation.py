@@ -140,8 +140,8 @@ def _most(values: Array) -> NDArray[np.bool_]:
     """Which are among the largest of their row."""
     found = np.zeros(values.shape, dtype=bool)
     n = min(_ALIKE, values.shape[1])
-    largest = np.argpartition(-values, n - 1, axis=1)[:, :n] if n else np.empty((len(values), 0))
-    np.put_along_axis(found, largest.astype(int), True, axis=1)
+    largest = np.argsort(-values, axis=1, kind="stable")[:, :n]  # ties alike on every processor
+    np.put_along_axis(found, largest, True, axis=1)
     return found
 
 
