@@ -69,6 +69,13 @@ def check_output_folder(folder: str | Path, marker: str) -> None:
         _check_room(target.parent)
 
 
+def check_outside(folder: str | Path, *read: str | Path | None) -> None:
+    """Raise OutputError if what is read, or kept, lies in a folder that a result will replace."""
+    for path in read:
+        if path is not None and Path(path).resolve().is_relative_to(Path(folder).resolve()):
+            raise OutputError(f"{path} lies in {folder}, which is replaced: choose another -o")
+
+
 @contextlib.contextmanager
 def output_folder(folder: str | Path, marker: str) -> Iterator[Path]:
     """A temporary folder that takes the place of ``folder`` when the block ends without an error.

@@ -104,6 +104,17 @@ def test_a_key_stays_where_its_robot_may_be_enrolled(written: bool) -> None:
     assert (keys / "R3.pem").exists() == written == ("R3" in answer("show", "L")["robots"])
 
 
+def test_an_export_replaces_nothing_that_it_reads_or_writes() -> None:
+    """An earlier export beside the ledger: the ledger went with it."""
+    Path("out").mkdir()
+    Path("out/pictures.json").write_text("{}")
+    answer("init", "out/L", "--member", "R1")
+    for words in (["--pictures", "out"], ["-o", "new/L.jsonl", "--pictures", "new"]):
+        with pytest.raises(OutputError, match="which is replaced: choose another -o"):
+            text("export", "out/L", *words)
+    assert answer("verify", "out/L")["ok"] and not Path("new").exists()
+
+
 def test_from_init_to_export() -> None:
     made = answer("init", "L", "--member", "R1", "--member", "R2", "--name", "demo")
     assert made["members"] == ["R1", "R2"]

@@ -172,6 +172,10 @@ def config(
             "choose another -o"
         )
     check_output_folder(output, CONFIGURED)
+    if lost := {p.name for p in output.glob("*") if p.suffix != ".conf"} - {CONFIGURED}:
+        raise ClusterError(
+            f"{output} holds {', '.join(sorted(lost))}, which would be lost: choose another -o"
+        )
     with Ledger.open(ledger) as opened:
         users = _users(opened, maker)
     with output_folder(output, CONFIGURED) as folder:

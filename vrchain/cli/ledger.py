@@ -26,7 +26,7 @@ from vrchain.cli.ledger_panoramas import (
     route,
 )
 from vrchain.errors import printable
-from vrchain.files import check_output_file, check_output_folder, write_file
+from vrchain.files import check_output_file, check_output_folder, check_outside, write_file
 from vrchain.ledger import OPERATOR, Ledger, errors, random_key
 from vrchain.ledger import verify as verify_ledger
 from vrchain.ledger.export import entry_json, record_json
@@ -274,6 +274,7 @@ def export(
     if output:
         check_output_file(output)
     if pictures:
+        check_outside(pictures, ledger, output)
         check_output_folder(pictures, PICTURES)
     for target in (output, pictures):
         if target and target.resolve().is_relative_to(ledger.resolve()):

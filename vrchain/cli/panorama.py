@@ -11,7 +11,7 @@ from typer.core import TyperGroup
 
 from vrchain.cli.options import Folder, Model, Spec, doing, suburb_of
 from vrchain.errors import OutputError
-from vrchain.files import check_output_folder, output_folder
+from vrchain.files import check_output_folder, check_outside, output_folder
 
 if TYPE_CHECKING:
     from vrchain.panorama.models import Mirror
@@ -157,8 +157,7 @@ def import_(
         bearings_deg=tuple(bearing or ()),
         columns=columns,
     )
-    if any(image.resolve().is_relative_to(output.resolve()) for image in images):
-        raise OutputError(f"a picture to import lies in {output}: choose another -o")
+    check_outside(output, *images)
     together = [images] if source.several and len(images) > 1 else [[image] for image in images]
     names = [group[0].stem for group in together]
     if len({*names, _SEVERAL}) <= len(names):
@@ -226,8 +225,7 @@ def import_database(
     )
 
     entries = on_floor(read_database(folder, headings), floor)
-    if output.resolve() == folder.resolve() or folder.resolve().is_relative_to(output.resolve()):
-        raise OutputError(f"the database lies in {output}: choose another -o")
+    check_outside(output, folder)
     check_output_folder(output, MADE)
     source = _source(
         model=model,
@@ -260,8 +258,7 @@ def export_database(
     from vrchain.panorama import Panorama
     from vrchain.panorama.databases import ENTRIES, MADE, entry_of, write_database
 
-    if any(own.resolve().is_relative_to(output.resolve()) for own in panoramas):
-        raise OutputError(f"a panorama to export lies in {output}: choose another -o")
+    check_outside(output, *panoramas)
     check_output_folder(output, MADE)
     entries = [entry_of(own) for own in panoramas]
     with output_folder(output, MADE) as scratch:

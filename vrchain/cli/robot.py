@@ -15,7 +15,7 @@ from vrchain.cli.bags import Rig, Slop, robots_told
 from vrchain.cli.ledger_keys import member_key
 from vrchain.cli.options import Folder, Json, Spec, doing, teller
 from vrchain.errors import BagError, MissionError, OutputError
-from vrchain.files import check_output_folder, output_folder
+from vrchain.files import check_output_folder, check_outside, output_folder
 
 if TYPE_CHECKING:
     from vrchain.ledger import SigningKey
@@ -98,7 +98,9 @@ def run(
         raise BagError("expected either --ros or --scene SPEC")
     if scene is not None:
         key = member_key(folder or Path(ledger), keys, robot, simulated)
-        _run_apart(scene, ledger, folder, robot, key, robots, sent, goal, seed, output, as_json)
+        _run_apart(
+            scene, ledger, folder, robot, key, keys, robots, sent, goal, seed, output, as_json
+        )
         return
     from vrchain.ledger.network.opening import open_ledger
     from vrchain.ledger.network.robot import RobotLedger
@@ -165,6 +167,7 @@ def _run_apart(
     folder: Path | None,
     robot: str,
     key: "SigningKey",
+    keys: Path | None,
     robots: int,
     sent: str,
     goals: list[str] | None,
@@ -182,6 +185,7 @@ def _run_apart(
     if output is not None:
         if robot != sent:
             raise OutputError(f"expected -o with the robot that is sent, {sent}, got {robot}")
+        check_outside(output, folder or Path(address), keys)
         check_output_folder(output, MARKER)
     with doing(f"building {spec}"):
         built = load_scene(spec)

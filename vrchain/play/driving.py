@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from vrchain.geometry import Pose
+from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, view_change
 from vrchain.play.controls import WIDTH_IN, Play, Shown, Slider
 from vrchain.play.ground import draw_map
@@ -22,7 +22,7 @@ _AROUND_M = 25.0
 def place_controls(scene: Scene, start: Pose) -> dict[str, Slider]:
     """Where a robot stands: x_m, y_m, heading_deg."""
     x, y = (float(np.floor(extent_m / 2 - 1)) for extent_m in scene.extent_m)
-    heading_deg = float(np.degrees(start.yaw_rad))
+    heading_deg = float(np.degrees(wrap_angle_rad(start.yaw_rad)))
     return {
         "x_m": Slider("x, east (m)", -x, x, 0.5, start.x_m),
         "y_m": Slider("y, north (m)", -y, y, 0.5, start.y_m),

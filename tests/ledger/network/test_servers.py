@@ -483,6 +483,17 @@ def test_config_leaves_a_cluster_s_folder_alone(folder: Path, tmp_path: Path) ->
     assert Cluster.load(cluster.folder).nodes == cluster.nodes
 
 
+def test_config_again_does_not_take_keys_that_lie_beside_it(folder: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    said(*configured(out, folder))
+    (out / "n2.key").write_text("secret")
+    before = files(out)
+    assert "holds n2.key, which would be lost" in said(*configured(out, folder), status=1)
+    assert files(out) == before
+    (out / "n2.key").unlink()
+    said(*configured(out, folder))
+
+
 def test_up_and_down_leave_what_config_wrote_alone(folder: Path, tmp_path: Path) -> None:
     """``status`` asks the machines; ``config`` again writes it anew."""
     out = tmp_path / "out"

@@ -685,7 +685,11 @@ def test_a_model_file_alone_is_a_world(tmp_path: Path) -> None:
 
 def test_a_saved_state_moves_models(tmp_path: Path) -> None:
     state = '<state><model name="m"><pose>7 0 0 0 0 0</pose></model></state>'
-    assert centre(only(load(tmp_path, model(CUBE, name="m") + state))) == [7, 0, 0]
+    moved = model(CUBE, name="m") + state
+    assert centre(only(load(tmp_path, moved))) == [7, 0, 0]
+    unmoved = moved.replace("<pose>7 0 0 0 0 0</pose>", "")  # it says nothing of where it is
+    unmoved = unmoved.replace("</link>", "</link><pose>3 0 0 0 0 0</pose>", 1)
+    assert centre(only(load(tmp_path, unmoved))) == [3, 0, 0]
 
 
 @pytest.mark.parametrize(

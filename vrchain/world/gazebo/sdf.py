@@ -283,7 +283,8 @@ def _as_saved(models: Iterable[Placed], scope: Element, notes: Notes) -> Iterato
         if where is None:
             yield placed
             continue
-        matrix = pose_matrix(where.find("pose"))
+        pose = where.find("pose")
+        matrix = placed.matrix if pose is None else pose_matrix(pose)
         if where.values("scale", (1.0, 1.0, 1.0)) != (1.0, 1.0, 1.0):
             notes.add("scales of a saved state", placed.name)
         for part in where.all("link", "model"):
