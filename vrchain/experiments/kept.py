@@ -21,7 +21,7 @@ def folder_of(folder: Path, scenes: Scenes, *asked: object) -> Path:
 
 
 def _versions() -> list[str]:
-    told = {d.name.lower(): d.version for d in distributions()}
+    told = {(d.name or "").lower(): d.version for d in distributions()}
     return [f"{name} {told.get(name)}" for name in sorted(_LIBRARIES)]
 
 

@@ -88,7 +88,7 @@ class Results:
 
     profile: Profile
     build: Path = BUILD
-    code: str = field(default_factory=lambda: code_digest())
+    code: str = field(default_factory=code_digest)
 
     @classmethod
     def here(cls, profile: str | None = None) -> "Results":

@@ -136,7 +136,7 @@ def _by_growth(home: HomeVector, here: Pose, stood: Pose, remoteness: float) -> 
     nearer_m = remoteness - home.remoteness
     if abs(came_m) < _CAME_M:
         return replace(home, arrived=False)
-    if not home.arrived or _TOO_NEAR * nearer_m >= came_m:
+    if not home.arrived or came_m < 0 or _TOO_NEAR * nearer_m >= came_m:
         return home
     range_m = min(home.remoteness * came_m / max(nearer_m, 0.05), _HOMES_M)
     return replace(home, arrived=range_m <= ARRIVED_M, remoteness=range_m)
