@@ -68,6 +68,10 @@ def test_who_is_alone_says_so(robot: str, complaint: str, tmp_path: Path) -> Non
         (["--ros", "--scene", "scenes/barn.yaml"], "either --ros or --scene"),
         (["--scene", "scenes/barn.yaml", "--goal", "a", "--goal", "b"], "one --goal .* got 2"),
         (["--scene", "scenes/barn.yaml", "-o", "log"], "-o with the robot that is sent, R1, got"),
+        (
+            ["--scene", "scenes/barn.yaml", "--ledger", "log/ledger", "-o", "log"],
+            "which is replaced",
+        ),
     ],
 )
 def test_options_that_do_not_go_together(words: list[str], complaint: str, tmp_path: Path) -> None:

@@ -98,9 +98,9 @@ def run(
         raise BagError("expected either --ros or --scene SPEC")
     if scene is not None:
         key = member_key(folder or Path(ledger), keys, robot, simulated)
-        _run_apart(
-            scene, ledger, folder, robot, key, keys, robots, sent, goal, seed, output, as_json
-        )
+        if output is not None:
+            check_outside(output, folder or Path(ledger), keys)
+        _run_apart(scene, ledger, folder, robot, key, robots, sent, goal, seed, output, as_json)
         return
     from vrchain.ledger.network.opening import open_ledger
     from vrchain.ledger.network.robot import RobotLedger
@@ -167,7 +167,6 @@ def _run_apart(
     folder: Path | None,
     robot: str,
     key: "SigningKey",
-    keys: Path | None,
     robots: int,
     sent: str,
     goals: list[str] | None,
@@ -185,7 +184,6 @@ def _run_apart(
     if output is not None:
         if robot != sent:
             raise OutputError(f"expected -o with the robot that is sent, {sent}, got {robot}")
-        check_outside(output, folder or Path(address), keys)
         check_output_folder(output, MARKER)
     with doing(f"building {spec}"):
         built = load_scene(spec)

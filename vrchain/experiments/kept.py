@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from functools import partial
+from functools import cache, partial
 from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
@@ -12,7 +12,10 @@ from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
 
 # By other versions of these what is seen may differ in its last bits, and so what is decided.
-_LIBRARIES = {"numpy", "scipy", "opencv-python-headless", "pyrender", "torch"}
+_LIBRARIES = {
+    "numpy", "open3d", "open3d-cpu", "opencv-python-headless", "pyrender2", "scipy", "shapely",
+    "torch", "trimesh",
+}  # fmt: skip
 
 
 def folder_of(folder: Path, scenes: Scenes, *asked: object) -> Path:
@@ -20,9 +23,10 @@ def folder_of(folder: Path, scenes: Scenes, *asked: object) -> Path:
     return folder / name_of([code_digest(), _versions(), scenes.digest, *asked])
 
 
+@cache
 def _versions() -> list[str]:
     told = {(d.name or "").lower(): d.version for d in distributions()}
-    return [f"{name} {told.get(name)}" for name in sorted(_LIBRARIES)]
+    return [f"{name} {told[name]}" for name in sorted(_LIBRARIES & told.keys())]
 
 
 def kept(file: Path, find: Callable[[], Any]) -> Any:

@@ -9,6 +9,7 @@ mission can be read, and replayed in pictures. ``vrchain.simulation.mission`` ru
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from math import inf
 from typing import Any
 
 from vrchain.landmarks.retrieval.index import LandmarkIndex
@@ -92,10 +93,10 @@ def _drive(follower: Follower, explorer: Explorer) -> None:
         candidate, found = arrival.likeliest, replanner.plan(look)
         if candidate and found.route:
             candidate = follower.weighed(candidate, follower.aim(found)[0])
-        least, likely = config.least_trust * _PATIENCE**fruitless, False
-        if candidate is not None:  # from some chance on nothing else is tried first
-            least, likely = candidate.chance, candidate.chance >= config.likely
-        if found.route is not None and found.route.trust >= least and not likely:
+        least = config.least_trust * _PATIENCE**fruitless
+        if candidate is not None:  # before what is likely no route is tried
+            least = candidate.chance if candidate.chance < config.likely else inf
+        if found.route is not None and found.route.trust >= least:
             before = pilot.here
             if follower.follow(found):
                 return

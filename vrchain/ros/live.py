@@ -3,6 +3,7 @@
 Its topics are understood by the same code as those of a bag.
 """
 
+import posixpath
 import time
 from collections import deque
 from collections.abc import Callable, Mapping, Sequence
@@ -290,16 +291,17 @@ def laser_in(
     contents: Contents, name: str, prefix: str, rig: Mapping[str, Any], base: str
 ) -> tuple[str, NDArray[np.float64]]:
     """The topic of its laser, and (4, 4) from that's frame to the robot's. BagError if unknown."""
-    named, scans = str(rig.get("laser", "")), dict[str, Topic]()
-    wanted = named if named.startswith("/") else prefix + named
-    for topic in contents.topics.values():
-        if topic.type == SCAN and topic.first and (not named or topic.name == wanted):
-            scans[topic.name] = topic
+    wanted = posixpath.join(prefix, str(rig["laser"])) if "laser" in rig else ""
+    scans = [
+        t for t in contents.topics.values()
+        if t.type == SCAN and t.first and wanted in ("", t.name)
+    ]  # fmt: skip
     if not scans:
-        raise BagError(f"{name}: no {SCAN} comes {f'as {wanted}' if named else f'below {prefix}'}")
+        raise BagError(f"{name}: no {SCAN} comes {f'as {wanted}' if wanted else f'below {prefix}'}")
     if len(scans) > 1:
-        raise BagError(f"{name}: {', '.join(scans)} are lasers: name one as laser in --rig")
-    (topic,) = scans.values()
+        names = ", ".join(t.name for t in scans)
+        raise BagError(f"{name}: {names} are lasers: name one as laser in --rig")
+    (topic,) = scans
     pose = contents.pose_in(topic.frame, base)
     if "laser_bearing_deg" in rig:
         pose = np.eye(4)

@@ -1,5 +1,6 @@
 """One robot in bags: its way by odometry, its cameras, and when all of them show one moment."""
 
+import posixpath
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -231,8 +232,7 @@ def _camera_topics(
     if "cameras" in rig:
         chosen = []
         for told in rig["cameras"]:
-            named = str(told.get("topic", told.get("rostopic", "")))
-            full = named if named.startswith("/") else prefix + named
+            full = posixpath.join(prefix, str(told.get("topic", told.get("rostopic", ""))))
             if full not in own or own[full].type not in (IMAGE, COMPRESSED):
                 there = ", ".join(t.name for t in own.values() if t.type in (IMAGE, COMPRESSED))
                 raise BagError(f"{name}: the rig's camera {full} is not in the bags; {there} are")
