@@ -74,24 +74,29 @@ class Team:
             self.maker.wait()
 
     def open(self, robot: str) -> RobotLedger:
-        """The robot's ledger, in a folder of its own; servers may choose a leader meanwhile."""
-        until_s = time.monotonic() + _ELECTION_S
-        while True:
-            try:
-                opened = open_ledger(self.cluster.address, self.folder / robot, timeout_s=5.0)
-            except UnavailableError:
-                if time.monotonic() > until_s:
-                    raise
-                time.sleep(0.1)
-            else:
-                assert isinstance(opened, RobotLedger)
-                return opened
+        """The robot's ledger, in a folder of its own."""
+        return _opened(self.cluster.address, self.folder / robot)
 
     def stream(self, first: str = "") -> Stream:
         """A connection of its own to the servers, of which it asks the one named first."""
         nodes = sorted(self.cluster.nodes, key=lambda node: node.name != first)
         address = f"nats://{','.join(node.address for node in nodes)}"
         return Stream(Connection(Servers.at(address, in_order=bool(first), timeout_s=_ELECTION_S)))
+
+
+def _opened(address: str, folder: str | Path) -> RobotLedger:
+    """Servers may choose a leader meanwhile, and new ones do not all answer at once."""
+    until_s = time.monotonic() + _ELECTION_S
+    while True:
+        try:
+            opened = open_ledger(address, folder)
+        except UnavailableError:
+            if time.monotonic() > until_s:
+                raise
+            time.sleep(0.1)
+        else:
+            assert isinstance(opened, RobotLedger)
+            return opened
 
 
 @contextmanager
@@ -221,8 +226,7 @@ def publish_flat_out(
 ) -> list[float]:
     """What a robot's process does in ``flat_out``: how long each took, in ms."""
     key, draws, waits_ms = simulated_key(seed, robot), generator(seed, "flat out", robot), []
-    with open_ledger(address, folder) as ledger:
-        assert isinstance(ledger, RobotLedger)
+    with _opened(address, folder) as ledger:
         ledger.wait_until_followed(PATIENCE_S)  # a new folder reads a long chain first
         first = ledger.publish(robot, key, b"warm", "start", time.time_ns())
         ledger.wait(first, PATIENCE_S)
