@@ -367,6 +367,12 @@ def test_a_disk_without_room(full_disk: Path, image: Path, refused: Refused) -> 
     ):
         assert "make room" in refused(*arguments)
         assert list(full_disk.rglob("*")) == []
+    with Path("/dev/full").open("w") as full:
+        said = subprocess.run(
+            [*COMMAND, "version"], stdout=full, stderr=subprocess.PIPE, text=True, check=False
+        )
+    assert said.stderr == "vrchain: what is printed: No space left on device\n"
+    assert said.returncode == 1
     done = call("figures", "barn_map", "-o", full_disk)
     assert done.returncode == 1 and "make room" in done.stdout
     assert list(full_disk.rglob("*")) == []

@@ -77,9 +77,8 @@ def main() -> None:
     except typer.TyperException as error:
         told = _told(error)  # nothing where help was asked for by saying nothing
         status = _fail(f"{told} (see `vrchain --help`)", 2) if told else 0
-    except BrokenPipeError:  # the reader, `head` perhaps, has seen enough
-        sys.stderr.close()
-        status = 141
+    except OSError as error:  # what it prints goes to a full disk, perhaps
+        status = _fail(f"{error.filename or 'what is printed'}: {error.strerror}", 1)
     except BaseException:
         if not interrupts:
             raise

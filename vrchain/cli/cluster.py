@@ -203,7 +203,7 @@ def put(
     ] = 3,
     max_gb: Annotated[
         float | None,
-        typer.Option(min=0.01, help="For blocks on each server; else all of its disk."),
+        typer.Option(min=0.01, max=1e6, help="For blocks on each server; else all of its disk."),
     ] = None,
     keys: Keys = None,
     simulated: Simulated = None,
