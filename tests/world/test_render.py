@@ -55,10 +55,15 @@ def test_left_is_left_and_up_is_up() -> None:
     assert mask_of(cylinder[-1:], (90, 120, 70)).all()  # the ground's
 
 
+@pytest.mark.parametrize("narrower_px", [0, 1])  # rows of 48 bytes, and of 42
 @pytest.mark.parametrize("side", range(4))
-def test_textures_are_upright_and_not_mirrored(side: int) -> None:
+def test_textures_are_upright_and_not_mirrored(side: int, narrower_px: int) -> None:
     angle = side * np.pi / 2 + 0.2
-    scene = worlds.world(worlds.box("sign", (0, 0), (2, 2, 2), QUARTERS, yaw_rad=0.2))
+    picture = QUARTERS[:, narrower_px : 16 - narrower_px]
+    sign = worlds.box("sign", (0, 0), (2, 2, 2), picture, yaw_rad=0.2)
+    for surface in sign.surfaces:
+        surface.uv[:] += narrower_px  # what repeats is not joined with others
+    scene = worlds.world(sign)
     pose = Pose(4 * np.cos(angle), 4 * np.sin(angle), angle + np.pi)
     ahead = Renderer(scene).render(pose, worlds.SMALL_RIG).views[0]
     height, width = ahead.shape[:2]

@@ -29,6 +29,7 @@ class Drawer(Renderer):
     def __init__(self, width_px: int, height_px: int) -> None:
         super().__init__(width_px, height_px)
         self._own_programs = ShaderProgramCache(shader_dir=str(_SHADERS))
+        GL.glPixelStorei(GL.GL_UNPACK_ALIGNMENT, 1)  # rows of textures may have any length
 
     def draw(
         self,
