@@ -7,12 +7,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from vrchain.errors import SpecError
 from vrchain.world.atlas import join_by_texture
 from vrchain.world.gazebo import kinds
 from vrchain.world.gazebo.files import Notes
 from vrchain.world.gazebo.frames import Matrix, Model, Visual
-from vrchain.world.gazebo.ground import depth, is_wide, level_m, plane_of
-from vrchain.world.gazebo.materials import Look, Materials
+from vrchain.world.gazebo.ground import (
+    ELEVATIONS,
+    WIDE_M,
+    depth,
+    is_wide,
+    layers_of,
+    level_m,
+    plane_of,
+    terrain,
+)
+from vrchain.world.gazebo.materials import Look, Materials, read_picture
 from vrchain.world.gazebo.mesh.meshes import Meshes
 from vrchain.world.gazebo.outlines import prism, ribbon
 from vrchain.world.gazebo.parts import PRIMITIVES, Part, apart, moved, plane, primitive
@@ -27,7 +37,6 @@ _NO_LANDMARK = ("ground", "robot", "person")
 _LEAST_LANDMARK_M = 0.25  # lower things do not stand
 _TILE_EPSILON = 1e-4
 _ROAD = Look(PICTURED["Road"])
-_UNDRAWN = ("heightmap", "image")
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,13 +53,15 @@ class Design:
     """A model ready to be placed: an object in its own frame, and ground if it has some.
 
     pieces: what each of its visuals shows, which stands in a robot's way for itself; none of a
-    model of ours. wide: it is nothing but planes as wide as ground.
+    model of ours. wide: it is nothing but ground as wide as a world. hilly: it is nothing but a
+    heightmap, which Gazebo places by its <pos> alone.
     """
 
     prototype: SceneObject
     ground: tuple[Ground, ...]
     pieces: tuple[tuple[Part, ...], ...] = ()
     wide: bool = False
+    hilly: bool = False
 
 
 class Designs:
@@ -116,14 +127,17 @@ class Designs:
             return Design(thing, tuple(ground))
         cut_out = sum(len(s.faces) for s in surfaces if s.cut_out)
         leafy = 2 * cut_out > sum(len(s.faces) for s in surfaces)
-        kind = kinds.guess(model.design, size_m, leafy) if parts else "ground"
+        shapes = [visual.element.find("geometry/heightmap") for visual in visuals]
+        hilly = bool(parts) and all(shapes)
+        kind = kinds.guess(model.design, size_m, leafy) if parts and not hilly else "ground"
         if parts and kind == "object":
             kind = kinds.guess(model.name, size_m, leafy)
         design = self._name(model, surfaces, ground)
         landmark = kind not in _NO_LANDMARK and size_m[2] >= _LEAST_LANDMARK_M
         thing = SceneObject(model.name, kind, design, landmark, kind != "ground", size_m, surfaces)
         wide = all(is_wide(visual) for visual in visuals)
-        return Design(thing, tuple(ground), pieces, wide)
+        wide |= kind == "ground" and min(size_m[:2]) >= WIDE_M
+        return Design(thing, tuple(ground), pieces, wide, hilly)
 
     def _name(self, model: Model, surfaces: Sequence[Surface], ground: Sequence[Ground]) -> str:
         content = hashlib.sha256(b"".join(s.digest for s in surfaces))
@@ -155,6 +169,8 @@ class Designs:
             found = [prism([line for g in element.all("geometry") for line in g.all("polyline")])]
         elif shape.tag == "road":
             found = [replace(ribbon(shape), look=_ROAD)]
+        elif shape.tag == "heightmap":
+            found, matrix = self._terrain(shape), np.eye(4)
         else:
             found = [primitive(shape)]
         self._triangles += sum(len(part.faces) for part in found)
@@ -176,11 +192,11 @@ class Designs:
             return None
         name = element.name
         transparency = element.number("transparency", 0.0)
-        if shape.tag in _UNDRAWN:
-            self._notes.add(f"{shape.tag}s", name)
+        if shape.tag == "image":
+            self._notes.add("images", name)
         elif transparency >= 0.5:
             self._notes.add("visuals more than half transparent", name)
-        elif shape.tag not in ("plane", "mesh", "polyline", "road", *PRIMITIVES):
+        elif shape.tag not in ("plane", "mesh", "polyline", "road", "heightmap", *PRIMITIVES):
             self._notes.add("unknown geometry", shape.tag)
         else:
             if transparency > 0:
@@ -214,6 +230,28 @@ class Designs:
         if scale is not None and not 1e-9 < np.abs(factors).min() <= np.abs(factors).max() < 1e9:
             raise scale.error(f"expected factors of a sensible size, got {scale.text!r}")
         return [moved(part, np.diag([*factors, 1.0])) for part in parts]
+
+    def _terrain(self, shape: Element) -> list[Part]:
+        """The triangles of a <heightmap>; none, with a note, where its picture is missing."""
+        file, uri = None, shape.find("uri")
+        if uri is not None and uri.text:
+            file = self._materials.picture(uri.text, uri, [shape.file.parent])
+        if file is None or file.suffix.lower() in ELEVATIONS:
+            self._notes.add("heightmaps", shape.tag if uri is None else uri.text)
+            return []
+        try:
+            heights = read_picture(file)[..., 0]
+        except SpecError as error:
+            self._notes.lose("pictures that cannot be read", str(error))
+            self._notes.add("heightmaps", file.name)
+            return []
+        self._notes.add("heightmaps, through which robots drive level", file.name)
+        layers = []
+        for layer, from_m in layers_of(shape):
+            diffuse = layer.words("diffuse")
+            picture = self._materials.picture(diffuse, layer, [shape.file.parent])
+            layers.append((layer.number("size", 1.0), Look(picture=picture), from_m))
+        return terrain(shape, heights, layers or [(1.0, Look(), -np.inf)])
 
     def _surfaces(self, parts: Sequence[Part]) -> tuple[Surface, ...]:
         """Parts as surfaces, those with one texture joined."""

@@ -1,14 +1,19 @@
-"""Which plane of a world is its ground: of all that are level and wide, the lowest."""
+"""A world's ground: of all planes that are level and wide the lowest, and hills of heightmaps."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.world.gazebo.frames import Matrix, Model, Placed, Visual, cross_matrix
+from vrchain.world.gazebo.materials import Look
+from vrchain.world.gazebo.parts import Part, grid
 from vrchain.world.gazebo.xml import Element
 
-_WIDE_M = 40.0  # a narrower plane is a thing of its own
+WIDE_M = 40.0  # a narrower plane is a thing of its own
+ELEVATIONS = (".tif", ".tiff", ".dem", ".asc", ".hgt", ".nc")  # metres, not greys
+_MOST_POINTS = 129  # a side; a finer picture is thinned out
 
 _Plane = tuple[Matrix, float, Element]  # where it lies, its area in m2, its <visual>
 
@@ -32,7 +37,7 @@ def visual_of(placed: Iterable[Placed]) -> Element | None:
 def is_wide(visual: Visual) -> bool:
     """Whether this is a plane as wide as ground."""
     shape = visual.element.find("geometry/plane")
-    return shape is not None and bool(plane_of(shape)[1].min() >= _WIDE_M)
+    return shape is not None and bool(plane_of(shape)[1].min() >= WIDE_M)
 
 
 def plane_of(shape: Element) -> tuple[Matrix, NDArray[np.float64]]:
@@ -53,6 +58,46 @@ def level_m(matrix: Matrix) -> float:
 def depth(matrix: Matrix) -> tuple[bool, float]:
     """Less for a lower plane, and least for those that are level."""
     return not _is_level(matrix), level_m(matrix)
+
+
+def layers_of(shape: Element) -> list[tuple[Element, float]]:
+    """The <texture> of each layer of a <heightmap>, and from which height it lies, in metres."""
+    blends = [blend.number("min_height", 0.0) for blend in shape.all("blend")]
+    return list(zip(shape.all("texture"), [-np.inf, *blends], strict=False))
+
+
+def terrain(
+    shape: Element, heights: NDArray[np.uint8], layers: Sequence[tuple[float, Look, float]]
+) -> list[Part]:
+    """Parts of a <heightmap>, about its world's origin.
+
+    heights: (rows, columns), its first row in the north. layers: of each how wide its picture is
+    laid, in metres, its look, and from which height it lies. White is as high as the <size>.
+    """
+    wide_m, long_m, high_m = shape.values("size", (1.0, 1.0, 1.0))
+    if min(wide_m, long_m, *(laid_m for laid_m, *_ in layers)) <= 0 or high_m < 0:
+        raise shape.error("expected sizes above 0, of the heightmap and of its textures")
+    if min(heights.shape) < 2:
+        raise shape.error("expected a picture of 2 x 2 pixels or more")
+    rows, columns = (
+        np.round(np.linspace(0, n - 1, min(n, _MOST_POINTS))).astype(int) for n in heights.shape
+    )
+    z = heights[np.ix_(rows[::-1], columns)] / 255 * high_m
+    x, y = np.meshgrid(wide_m * (columns / columns[-1] - 0.5), long_m * (rows / rows[-1] - 0.5))
+    points = np.stack([x, y, z], axis=2)
+    whole = grid(points, points[..., :2])
+    middle_m = z.ravel()[whole.faces].mean(axis=1)
+    layer = np.searchsorted([from_m for *_, from_m in layers], middle_m, side="right") - 1
+    at = np.array(shape.values("pos", (0.0, 0.0, 0.0)))
+    assert whole.uv is not None
+    return [
+        replace(
+            whole, vertices_m=whole.vertices_m + at, faces=whole.faces[layer == k],
+            uv=whole.uv / laid_m, look=look,
+        )
+        for k, (laid_m, look, _) in enumerate(layers)
+        if (layer == k).any()
+    ]  # fmt: skip
 
 
 def _level(visuals: Iterable[Visual]) -> Iterator[_Plane]:

@@ -14,7 +14,8 @@ _WORDS: tuple[tuple[str, str], ...] = (
     ("cone", "cone"),
     ("bin", "dumpster bin trash garbage wastebasket"),
     ("ground", "ground plane asphalt road street sidewalk pavement kerb curb crosswalk marking "
-               "grass terrain lawn parking floor heightmap lane intersection driveway"),
+               "grass terrain lawn parking floor heightmap lane intersection driveway "
+               "ocean sea lake river water"),
     ("hedge", "hedge"),
     ("fence", "fence railing guardrail"),
     ("wall", "wall"),

@@ -146,7 +146,8 @@ def _with(script: Script, inside: list[str], words: list[str], where: str) -> Sc
             if blend in _BLENDED and script.solid_above is None:
                 return replace(script, solid_above=HALF)
         case ["technique", "pass", "texture_unit"], ["texture", picture, *_]:
-            return replace(script, picture=script.picture or picture)
+            if "normal" not in picture.rpartition("/")[2]:  # what a program bends light by
+                return replace(script, picture=script.picture or picture)
         case ["technique", "pass", "texture_unit"], ["scale", wide, high, *_]:
             u, v, _ = floats([wide, high, "1"], where) if script.repeats is None else (0, 0, 0)
             if 1e-6 < abs(u) < 1e6 and 1e-6 < abs(v) < 1e6:

@@ -31,6 +31,7 @@ MAP_M = 600.0  # widest map, as for scenes of our own
 MOST_M2 = 4e6  # of faces on the map, which light falls on: five times both sides of a whole map
 _BEYOND_M = 20.0  # of ground around what stands on it
 _RIM_M = 2.0  # of map around what stands on it
+_LEVEL_M = 1.0  # about what robots drive on, where the feet of landmarks are
 _THIN_M = 0.25  # thinner faces take as much time
 _SUN_ELEVATION_DEG = (10.0, 85.0)
 
@@ -54,6 +55,13 @@ class _Thing(NamedTuple):
         if not is_long(self.design.prototype):
             return [placed]
         return runs_of(placed, self.design.prototype.surfaces, self.placed.matrix)
+
+    @property
+    def foot_m(self) -> float:
+        """How high its lowest point is, in the world."""
+        vertices = [s.vertices_m for s in self.design.prototype.surfaces]
+        matrix = self.placed.matrix
+        return float(min((v @ matrix[2, :3]).min() for v in vertices) + matrix[2, 3])
 
     @property
     def is_far(self) -> bool:
@@ -107,6 +115,8 @@ def _load(path: Path, folders: Folders, strict: bool) -> _Loaded:
     things = []
     for placed in models:
         if (design := designs.of(placed.model)) is not None:
+            if design.hilly:
+                placed = replace(placed, matrix=np.eye(4))
             thing = _Thing(unique(placed.name, taken), placed, design)
             if thing.is_far:
                 notes.add(f"models more than {FARTHEST_M / 1000:g} km away, left out", thing.name)
@@ -130,9 +140,27 @@ def _load(path: Path, folders: Folders, strict: bool) -> _Loaded:
     if world.ours is not None:
         scene = _own_scene(world.name, things, world.ours, notes)
     else:
-        scene = _scene(path, world, things, designs, notes)
+        scene = _scene(path, world, _levelled(things, notes), designs, notes)
     told = f"not supported or simplified: {notes}{hint}" if notes else ""
     return _Loaded(scene, told, f"{notes.lost}{hint}")
+
+
+def _levelled(things: Sequence[_Thing], notes: Notes) -> list[_Thing]:
+    """All lowered by the height on which most landmarks stand, where a heightmap is their ground.
+
+    Robots drive at 0; in Gazebo they fall onto it.
+    """
+    feet_m = np.array([t.foot_m for t in things if t.design.prototype.landmark])
+    level_m = round(float(np.median(feet_m)), 2) if len(feet_m) else 0.0
+    hilly = any(thing.design.hilly for thing in things)
+    together = 2 * (np.abs(feet_m - level_m) < _LEVEL_M).sum() > len(feet_m)
+    if abs(level_m) < _LEVEL_M or not (hilly and together):
+        return [*things]
+    notes.add(f"landmarks that stand at {level_m:g} m, where a heightmap is: all is lowered")
+    lower = np.eye(4)
+    lower[2, 3] = -level_m
+    moved = [replace(thing.placed, matrix=lower @ thing.placed.matrix) for thing in things]
+    return [thing._replace(placed=placed) for thing, placed in zip(things, moved, strict=True)]
 
 
 def _scene(
