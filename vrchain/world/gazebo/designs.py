@@ -37,6 +37,7 @@ _NO_LANDMARK = ("ground", "robot", "person")
 _LEAST_LANDMARK_M = 0.25  # lower things do not stand
 _TILE_EPSILON = 1e-4
 _ROAD = Look(PICTURED["Road"])
+_EARTH = Look((0.45, 0.4, 0.3))  # of hills whose picture is missing: most come with Gazebo
 
 
 @dataclass(frozen=True, eq=False)
@@ -250,8 +251,9 @@ class Designs:
         for layer, from_m in layers_of(shape):
             diffuse = layer.words("diffuse")
             picture = self._materials.picture(diffuse, layer, [shape.file.parent])
-            layers.append((layer.number("size", 1.0), Look(picture=picture), from_m))
-        return terrain(shape, heights, layers or [(1.0, Look(), -np.inf)])
+            look = _EARTH if picture is None else Look(picture=picture)
+            layers.append((layer.number("size", 1.0), look, from_m))
+        return terrain(shape, heights, layers or [(1.0, _EARTH, -np.inf)])
 
     def _surfaces(self, parts: Sequence[Part]) -> tuple[Surface, ...]:
         """Parts as surfaces, those with one texture joined."""
