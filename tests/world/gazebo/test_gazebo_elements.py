@@ -246,3 +246,10 @@ def test_broken_glb_meshes_are_left_out(tmp_path: Path, content: bytes, part: st
 def test_nodes_in_a_ring_come_to_an_end(tmp_path: Path) -> None:
     thing = drawn(tmp_path, mesh("a.glb"), {"worlds/a.glb": glb({"nodes": RING})})
     assert np.allclose(thing.size_m, 1)
+
+
+def test_whose_name_is_its_own_keeps_it(tmp_path: Path) -> None:
+    names = ("box", "box", "box_2", "ball")
+    things = [model(visual("<box/>"), f"{2 * k} 0 0 0 0 0", n) for k, n in enumerate(names)]
+    found = [o.name for o in load(tmp_path, "".join(things)).objects]
+    assert found == ["box", "box_3", "box_2", "ball"]

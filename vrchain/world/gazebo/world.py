@@ -1,6 +1,7 @@
 """A Gazebo world as a ``Scene``: every placed model one object, lit as our own suburbs are."""
 
 import warnings
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -111,13 +112,15 @@ def _load(path: Path, folders: Folders, strict: bool) -> _Loaded:
     world = read_world(path, folders, notes)
     models = [placed for model in world.models for placed in model.flat(np.eye(4))]
     designs = Designs(Materials(folders, notes), notes, ground.visual_of(models))
-    taken: dict[str, int] = {}
+    count = Counter(placed.name for placed in models)
+    taken = {name: 1 for name, n in count.items() if n == 1}  # which keep theirs
     things = []
     for placed in models:
         if (design := designs.of(placed.model)) is not None:
             if design.hilly:
                 placed = replace(placed, matrix=np.eye(4))
-            thing = _Thing(unique(placed.name, taken), placed, design)
+            name = placed.name if count[placed.name] == 1 else unique(placed.name, taken)
+            thing = _Thing(name, placed, design)
             if thing.is_far:
                 notes.add(f"models more than {FARTHEST_M / 1000:g} km away, left out", thing.name)
             else:
