@@ -110,6 +110,22 @@ def test_none_of_the_sides_of_what_was_circled_is_the_goal() -> None:
     assert not ours.was_mistaken(Estimate(np.array([24.0, 0.0]), np.eye(2)))
 
 
+@pytest.mark.parametrize(
+    ("range_m", "said"), [(3.0, ["back", "circle"]), (8.0, ["circle"])], ids=["near", "far"]
+)
+def test_what_was_seen_from_too_near_only_is_seen_from_farther_first(
+    range_m: float, said: list[str]
+) -> None:
+    """As it was met: a plain shop, surely seen from 4.9 m and less, was gone round for nothing."""
+    ours, stands = arrival(), list[Any]()
+    pilot = cast(Any, ours.pilot)
+    stretch, pilot.stretch = pilot.stretch, lambda *way: (stands.append(way[0]), stretch(*way))[1]
+    assert not ours.drive_to(candidate(range_m, 0.97))
+    assert cast(Any, ours).said == ["approach", *said, "doubt"]
+    if said[0] == "back":  # 15 m off its side, on this side of it
+        assert any(np.allclose(xy_m, (range_m - 15.0, 0.0)) for xy_m in stands)
+
+
 @pytest.mark.parametrize(("chance", "n_sides"), [(0.85, 1), (0.9, 2), (0.95, 3), (0.99, 5)])
 def test_what_is_less_likely_is_looked_at_from_fewer_sides(
     chance: float, n_sides: int, monkeypatch: pytest.MonkeyPatch
@@ -151,7 +167,7 @@ def test_what_a_look_around_shows_of_what_is_circled_counts(
     """As it was met: the goal was gone round, seen surely by looks around, and given up."""
     around = sight_of(8.0, 60, 0.99, bearing_rad=bearing_rad)  # beside where a glance is thrown
     ours, seen = arrival(), candidate(8.0, 0.95)
-    monkeypatch.setattr(ours, "_sides", lambda candidate, n: iter([seen.place] * n))
+    monkeypatch.setattr(ours, "_sides", lambda candidate, turns: iter([seen.place] * len(turns)))
     find = lambda look, *window, **fair: None if window else around  # noqa: E731
     ours.goal = cast(Any, SimpleNamespace(find=find, share=1.0))
     cast(Any, ours.pilot).here = Pose(0.6, 0.0)

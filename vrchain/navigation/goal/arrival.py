@@ -4,7 +4,7 @@ A wrong arrival is worse than none: it is claimed where sights were surely of th
 ring meets something there, and the goal looks as large as it should.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -13,19 +13,20 @@ from vrchain.geometry import Pose
 from vrchain.navigation.driving.estimates import Array, Estimate, sighted
 from vrchain.navigation.driving.obstacles import REACH_M
 from vrchain.navigation.goal.candidates import (
+    AGAIN,
     EVEN,
     SAME_STD,
     SHAPE_M,
+    UNSURE,
     Candidate,
     Candidates,
+    about,
     at_odds,
 )
+from vrchain.navigation.settings import GOAL_RANGE_M
 
 _ASTRAY = 4.0  # standard deviations beyond which a glance did not show what is driven to
-NEAR_M, _AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
-# Of its odds is left after each: at 11 m likely goals were not seen from 6.5 m in 24 %, likely
-# other houses in 48 %, in suburbs of seeds 1343 and 1344.
-_AGAIN = 0.5
+NEAR_M, AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much,
 _FELT_STD = 2.0  # or, if it was surely seen, within so many standard deviations
@@ -46,7 +47,6 @@ _TRIES, _HEADWAY_M = 3, 0.5  # to drive on to what still looks far, unless that 
 # places that showed one of 56 goals by a chance of 0.5 or more, in suburbs of seeds 1343 and 1344,
 # it was sure from that side in 75 %, with 1, 2, 3 sides more in 89, 96, 98 %. A side costs 17 s.
 _SIDES, _SIDES_OF_IT = 5, 3
-_UNSURE = 0.25  # of its odds is left, by those figures, where the first side leaves it unsure
 # What is touched so near its middle is of it: in 37 approaches in suburbs of seed 1371 its walls
 # were touched up to 7.3 m from there, what was not from 8.7 m on.
 _OF_IT_M = 7.5
@@ -62,14 +62,16 @@ class Arrival(Candidates):
         """Drive up to what may be the goal; True if it surely is, and the robot stands there."""
         self._begin(candidate)
         candidate = self._close_in(candidate)
-        if not self._is_sure(candidate) and self._is_worth_a_circle(candidate):
+        if self._is_worth_a_circle(candidate) and not candidate.is_shape_seen(self.goal.share):
+            candidate = self._from_farther(candidate)
+        if self._is_worth_a_circle(candidate):
             candidate = self._circle(candidate)
         if self._is_sure(candidate):
             candidate = self._driven_on(candidate, _TRIES)
             if self._is_claimed(candidate):
                 return True
             before = candidate.place
-            for side in self._sides(candidate, _SIDES_OF_IT):
+            for side in self._sides(candidate, range(1, _SIDES_OF_IT + 1)):
                 candidate = self._regarded(replace(candidate, place=side))
                 candidate = self._driven_on(self._close_in(candidate), 1)
                 if self._is_claimed(candidate):
@@ -85,9 +87,17 @@ class Arrival(Candidates):
         return False
 
     def _is_worth_a_circle(self, candidate: Candidate) -> bool:
-        """Whether it may be the goal and, as its place is surer from near, is no known mistake."""
-        known = self.was_mistaken(candidate.place, candidate.surest)
-        return bool(candidate.sights) and _chance_unsure(candidate) >= EVEN and not known
+        """Whether it may be the goal, unsurely, and, its place surer from near, is no mistake."""
+        if self._is_sure(candidate) or self.was_mistaken(candidate.place, candidate.surest):
+            return False
+        return bool(candidate.sights) and candidate.chance_unsure >= EVEN
+
+    def _from_farther(self, candidate: Candidate) -> Candidate:
+        """Up to it once more, from as far as pictures are taken."""
+        self.log("back", "it was seen from too near only to know its shape")
+        for side in self._sides(candidate, [0], GOAL_RANGE_M[1]):
+            candidate = self._close_in(self._regarded(replace(candidate, place=side)))
+        return candidate
 
     def _circle(self, candidate: Candidate) -> Candidate:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
@@ -97,8 +107,8 @@ class Arrival(Candidates):
         """
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
         before, (middle_xy_m, _) = candidate.place, self._middle(candidate)
-        candidate, chance = replace(candidate, against=0), _chance_unsure(candidate)
-        for side in self._sides(candidate, _SIDES):
+        candidate, chance = replace(candidate, against=0), candidate.chance_unsure
+        for side in self._sides(candidate, range(1, _SIDES + 1)):
             surest = candidate.surest
             candidate = self._regarded(replace(candidate, place=side))
             around = self.note(self.pilot.look_around())
@@ -107,18 +117,13 @@ class Arrival(Candidates):
             if self._is_sure(candidate):
                 return self._close_in(candidate)
             if candidate.surest > surest:
-                chance = max(chance, at_odds(candidate.surest, _UNSURE))
-            chance = at_odds(chance, _AGAIN)
+                chance = max(chance, at_odds(candidate.surest, UNSURE))
+            chance = at_odds(chance, AGAIN)
             if chance < EVEN or self._is_surer_elsewhere(candidate.place, at_odds(chance, _SURER)):
                 break
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
             self._mistaken.append((middle_xy_m, candidate.surest))
         return replace(candidate, place=before)
-
-    def _is_surer_elsewhere(self, place: Estimate, chance: float) -> bool:
-        """Whether what is likeliest by the looks around is likelier than that, and not there."""
-        other = self.likeliest
-        return bool(other and other.chance > chance and not self._is_near(place.xy_m, other.place))
 
     def _is_claimed(self, candidate: Candidate) -> bool:
         """Whether the robot is there, and it is sure still: later sights may speak against it."""
@@ -135,7 +140,7 @@ class Arrival(Candidates):
             if there is None:
                 break
             self.log("farther", "it does not look large enough: it must be behind this")
-            before, behind = self.pilot.here, replace(candidate, place=_about(there))
+            before, behind = self.pilot.here, replace(candidate, place=about(there))
             candidate = self._close_in(behind, behind=True)
             if self.pilot.here.distance_to_m(before.xy_m) < _HEADWAY_M:
                 return behind  # from another side, then
@@ -155,7 +160,7 @@ class Arrival(Candidates):
         It may be nearer than it is believed: what is in the way to it is its own wall, then.
         """
         by_size = candidate.by_size()
-        places = [candidate.place] if by_size is None else [candidate.place, _about(by_size[0])]
+        places = [candidate.place] if by_size is None else [candidate.place, about(by_size[0])]
         met = filter(None, (self._met_at(place, _NEARLY_M) for place in places))
         at = any(self._front(candidate, thing)[1] <= _FRONT_M for thing in met)
         return at and self._behind_this(candidate) is None
@@ -176,7 +181,7 @@ class Arrival(Candidates):
             elif looked_m >= config.look_every_m:
                 looked_m = 0.0
                 candidate = self._seen_from_afar(candidate)
-            if candidate.against >= _AGAINST and (not candidate.sights or candidate.chance < EVEN):
+            if candidate.against >= AGAINST and (not candidate.sights or candidate.chance < EVEN):
                 break
             touched = None if behind else self._touched(candidate)
             if touched is not None:
@@ -213,24 +218,26 @@ class Arrival(Candidates):
             shown_m = min(range_m, pilot.ahead_m(bearing, _AHEAD_RAD, np.median))
             if not (self.goal.share * SHAPE_M < shown_m < NEAR_M and pilot.shows(bearing)):
                 return candidate  # from so far, or so near to what hides it, it may not be seen
-            left = at_odds(candidate.chance, _AGAIN)
+            left = at_odds(candidate.chance, AGAIN)
             return replace(candidate, chance=left, against=candidate.against + 1)
         return candidate.with_sight(pilot.here, sight)
 
-    def _sides(self, candidate: Candidate, n: int) -> Iterator[Estimate]:
-        """Its next sides, each once the robot has driven to look at it."""
+    def _sides(
+        self, candidate: Candidate, turns: Iterable[int], off_m: float = _AROUND_M
+    ) -> Iterator[Estimate]:
+        """Its sides by sixths of a turn from here, each once the robot looks at it from off it."""
         pilot = self.pilot
         middle, half_m = self._middle(candidate)
         first = np.arctan2(*(pilot.here.xy_m - middle)[::-1])
-        for turn in range(1, n + 1):
+        for turn in turns:
             angle = first + turn * np.pi / 3
             outward = np.array([np.cos(angle), np.sin(angle)])
-            stand_xy_m = middle + (half_m + self.goal.share * _AROUND_M) * outward
+            stand_xy_m = middle + (half_m + self.goal.share * off_m) * outward
             until_ns = pilot.now.time_ns + int(_SIDE_S * 1e9)
             while pilot.now.time_ns < until_ns and pilot.here.distance_to_m(stand_xy_m) > 1.5:
                 if pilot.stretch(stand_xy_m, 1.0, 1.0) is None:
                     break
-            yield _about(middle + half_m * outward)
+            yield about(middle + half_m * outward)
 
     def _middle(self, candidate: Candidate, stood: Pose | None = None) -> tuple[Array, float]:
         """Where its middle is, about, (2,), and how far from its sides, seen from there or here."""
@@ -248,7 +255,7 @@ class Arrival(Candidates):
             return None
         pilot, (stood, sight) = self.pilot, candidate.sights[-1]
         middle, half_m = self._middle(replace(candidate, place=sight.place(stood)), stood)
-        bearing = _about(middle).bearing_rad(pilot.here)
+        bearing = about(middle).bearing_rad(pilot.here)
         touched = pilot.nearest(bearing, _BESIDE_RAD)
         if touched[1] > _TOUCH_M or pilot.ahead_m(bearing, _AHEAD_RAD) > _BESIDE_M:
             return None  # its own wall would be in the way to its middle
@@ -332,18 +339,8 @@ class Arrival(Candidates):
         if by_size is None:
             return None
         there, away = by_size
-        bearing, range_m = _about(there).seen_from(pilot.here)
+        bearing, range_m = about(there).seen_from(pilot.here)
         if range_m <= _LOOKS_FAR_M or (there - pilot.here.xy_m) @ away <= 0:
             return None
         along = pilot.ahead_m(bearing, _AHEAD_RAD, np.median) >= _OF_THE_WAY * range_m
         return None if along and pilot.surface(bearing)[1] <= _NEARLY_M else there
-
-
-def _chance_unsure(candidate: Candidate) -> float:
-    """The chance left to what one side left unsure; glances that did not show it have told some."""
-    return at_odds(candidate.chance, min(1.0, _UNSURE / _AGAIN**candidate.against))
-
-
-def _about(xy_m: Array) -> Estimate:
-    """A place known to some 2 m."""
-    return Estimate(xy_m, 4.0 * np.eye(2))

@@ -26,6 +26,10 @@ _TAKEN_STD = 0.16
 _MISTAKEN_M = 7.0  # around what was not the goal, nothing is taken for it again,
 _SURER = 5.0  # unless its odds are so many times what they were
 _START_M = 10.0  # a detour of no length costs so much
+# Of its odds is left after each glance from near that does not show it: at 11 m likely goals were
+# not seen from 6.5 m in 24 %, likely other houses in 48 %, in suburbs of seeds 1343 and 1344;
+AGAIN = 0.5
+UNSURE = 0.25  # and where the first side leaves it unsure (see ``arrival``)
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,10 +81,19 @@ class Candidate:
         surest = any(_is_surest(sight, config) for sight in shapes)
         return surest and len(shapes) >= max(_AGREE, n_seen / 2)
 
+    def is_shape_seen(self, share: float) -> bool:
+        """Whether a sight that is rather of it than not shows its shape. share: as above."""
+        return any(s.chance >= EVEN and s.surface_m >= share * SHAPE_M for _, s in self.sights)
+
     @property
     def surest(self) -> float:
         """The chance of its surest sight, none if it was not seen."""
         return max((sight.chance for _, sight in self.sights), default=0.0)
+
+    @property
+    def chance_unsure(self) -> float:
+        """The chance left to what one side left unsure; glances that did not show it told some."""
+        return at_odds(self.chance, min(1.0, UNSURE / AGAIN**self.against))
 
     def width_m(self, share: float) -> float:
         """How wide it looks from where its shape is seen, none if it was not. share: as above."""
@@ -184,6 +197,11 @@ class Candidates:
         within_m = self.goal.share * _MISTAKEN_M
         return bool(np.hypot(*(place.xy_m - known_xy_m)) < within_m)
 
+    def _is_surer_elsewhere(self, place: Estimate, chance: float) -> bool:
+        """Whether what is likeliest by the looks around is likelier than that, and not there."""
+        other = self.likeliest
+        return bool(other and other.chance > chance and not self._is_near(place.xy_m, other.place))
+
     def _is_fair(self, sight: GoalSight) -> bool:
         """Whether it is of nothing that only looks like the goal: behind that the goal may be."""
         return not self.was_mistaken(sight.place(self.pilot.here), sight.chance)
@@ -222,3 +240,8 @@ def at_odds(chance: float, times: float) -> float:
     """A chance, at so many times its odds."""
     odds = times * chance  # against 1 - chance
     return odds / (odds + 1 - chance)
+
+
+def about(xy_m: Array) -> Estimate:
+    """A place known to some 2 m."""
+    return Estimate(xy_m, 4.0 * np.eye(2))
