@@ -9,8 +9,8 @@ from vrchain.geometry import Pose
 from vrchain.navigation.driving.estimates import Estimate
 from vrchain.navigation.driving.targets import targets
 from vrchain.navigation.driving.tracker import Tracker
-from vrchain.navigation.goal.arrival import NEAR_M, Arrival
-from vrchain.navigation.goal.candidates import SAME_STD, Candidate, at_odds
+from vrchain.navigation.goal.arrival import Arrival
+from vrchain.navigation.goal.candidates import NEAR_M, SAME_STD, Candidate, at_odds
 from vrchain.navigation.goal.place import PlaceArrival
 from vrchain.navigation.goal.rejections import Driven
 from vrchain.navigation.perception import Look

@@ -1,6 +1,7 @@
 """When what may be the goal surely is, and how far its size says it is."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,12 @@ from vrchain.navigation.goal.recognition import GoalSight
 from vrchain.navigation.settings import MissionConfig
 
 
-def is_sure(*sights: tuple[float, int, float, float], n_shown: int = 400, unsure: int = 0) -> bool:
+def is_sure(
+    *sights: tuple[float, int, float, float],
+    n_shown: int = 400,
+    unsure: int = 0,
+    unsure_m: float = 10.0,
+) -> bool:
     """x_m of the robot, keypoints, range of the goal's side and looks of each sight.
 
     n_shown: keypoints that the goal's picture shows; unsure: sights more, that tell little.
@@ -26,7 +32,7 @@ def is_sure(*sights: tuple[float, int, float, float], n_shown: int = 400, unsure
         )
         for x_m, keypoints, range_m, looks in sights
     )
-    seen += ((Pose(5.0, 0.0), GoalSight(0.0, 10.0, 10.0, 0.2, 7, 2.6, 0.3)),) * unsure
+    seen += ((Pose(5.0, 0.0), GoalSight(0.0, unsure_m, unsure_m, 0.2, 7, 2.6, 0.3)),) * unsure
     return Candidate(Estimate(np.zeros(2), np.eye(2)), 0.9, seen).is_sure(MissionConfig())
 
 
@@ -49,6 +55,7 @@ ONCE = (0, 24, 7.8, 3.3)  # as a house was met in a suburb: like nothing else in
         ([ONCE], {}, False),
         ([ONCE, ONCE], {"unsure": 2}, True),
         ([ONCE, ONCE], {"unsure": 3}, False),
+        ([ONCE, ONCE], {"unsure": 9, "unsure_m": 25.0}, True),  # from afar no goal is seen surely
         ([(0, 54, 12, 2.8)], {"unsure": 3}, True),
         # a plain goal needs fewer, but no goal is so plain
         ([(0, 12, 15, 3.4)] * 2, {}, False),
@@ -60,7 +67,7 @@ ONCE = (0, 24, 7.8, 3.3)  # as a house was met in a suburb: like nothing else in
     ],
 )
 def test_what_is_seen_of_the_goal_makes_it_sure_or_not(
-    sights: list[tuple[float, int, float, float]], more: dict[str, int], sure: bool
+    sights: list[tuple[float, int, float, float]], more: dict[str, Any], sure: bool
 ) -> None:
     assert is_sure(*sights, **more) == sure
 

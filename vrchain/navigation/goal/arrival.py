@@ -15,6 +15,7 @@ from vrchain.navigation.driving.obstacles import REACH_M
 from vrchain.navigation.goal.candidates import (
     AGAIN,
     EVEN,
+    NEAR_M,
     SAME_STD,
     SHAPE_M,
     UNSURE,
@@ -26,7 +27,7 @@ from vrchain.navigation.goal.candidates import (
 from vrchain.navigation.settings import GOAL_RANGE_M
 
 _ASTRAY = 4.0  # standard deviations beyond which a glance did not show what is driven to
-NEAR_M, AGAINST = 18.0, 3  # glances from within so much that do not show it: it is not there
+_AGAINST = 3  # glances from near that do not show it: it is not there
 _DOUBT_CHANCE = 0.2  # of a sight from near that speaks against it
 _FEELS_M, _FELT_M = 4.0, 0.7  # a goal so near is felt by the range ring, within so much,
 _FELT_STD = 2.0  # or, if it was surely seen, within so many standard deviations
@@ -181,7 +182,7 @@ class Arrival(Candidates):
             elif looked_m >= config.look_every_m:
                 looked_m = 0.0
                 candidate = self._seen_from_afar(candidate)
-            if candidate.against >= AGAINST and (not candidate.sights or candidate.chance < EVEN):
+            if candidate.against >= _AGAINST and (not candidate.sights or candidate.chance < EVEN):
                 break
             touched = None if behind else self._touched(candidate)
             if touched is not None:

@@ -13,6 +13,7 @@ from vrchain.navigation.settings import Log, MissionConfig
 
 EVEN = 0.5  # chance of a sight that is rather of the goal than not
 SHAPE_M = 5.0  # sights from nearer show no shape
+NEAR_M = 18.0  # from within so much the goal is seen well
 SAME_STD = 3.0  # standard deviations within which two sights are of one thing
 _AGREE = 2  # sights from farther, at least, that a plain goal is known by
 _ANEW_M = 0.5  # from each other, and it is another sight
@@ -69,7 +70,7 @@ class Candidate:
         """Whether arrival may be claimed there: more is seen of it than of a house of its make.
 
         share: of 6 to 15 m, from how far the goal was pictured at most.
-        Such a house shows as much as a plain goal in a sight now and then, a goal in most.
+        Such a house shows as much as a plain goal now and then, from near a goal in most.
         """
         sights = [sight for _, sight in self.sights if sight.chance >= config.sure_chance]
         shape_m = share * SHAPE_M
@@ -77,7 +78,8 @@ class Candidate:
         many = any(sight.n_matches - BY_CHANCE >= config.sure_matches for sight in sights)
         if many and any(sight.looks >= config.sure_looks for sight in shapes):
             return True
-        n_seen = sum(sight.surface_m >= shape_m for _, sight in self.sights)
+        well_m = share * NEAR_M
+        n_seen = sum(shape_m <= sight.surface_m < well_m for _, sight in self.sights)
         surest = any(_is_surest(sight, config) for sight in shapes)
         return surest and len(shapes) >= max(_AGREE, n_seen / 2)
 
