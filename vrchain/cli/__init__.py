@@ -78,7 +78,8 @@ def main() -> None:
         told = _told(error)  # nothing where help was asked for by saying nothing
         status = _fail(f"{told} (see `vrchain --help`)", 2) if told else 0
     except OSError as error:  # what it prints goes to a full disk, perhaps
-        status = _fail(f"{error.filename or 'what is printed'}: {error.strerror}", 1)
+        if not interrupts:
+            status = _fail(f"{error.filename or 'what is printed'}: {error.strerror or error}", 1)
     except BaseException:
         if not interrupts:
             raise
