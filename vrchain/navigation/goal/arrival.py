@@ -96,9 +96,8 @@ class Arrival(Candidates):
     def _from_farther(self, candidate: Candidate) -> Candidate:
         """Up to it once more, from as far as pictures are taken."""
         self.log("back", "it was seen from too near only to know its shape")
-        for side in self._sides(candidate, [0], GOAL_RANGE_M[1]):
-            candidate = self._close_in(self._regarded(replace(candidate, place=side)))
-        return candidate
+        side = next(self._sides(candidate, [0], GOAL_RANGE_M[1]))
+        return self._close_in(self._regarded(replace(candidate, place=side)))
 
     def _circle(self, candidate: Candidate) -> Candidate:
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.

@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from vrchain.errors import SpecError
 from vrchain.world.atlas import join_by_texture
 from vrchain.world.gazebo import kinds
 from vrchain.world.gazebo.files import Notes
@@ -22,7 +21,7 @@ from vrchain.world.gazebo.ground import (
     plane_of,
     terrain,
 )
-from vrchain.world.gazebo.materials import Look, Materials, read_picture
+from vrchain.world.gazebo.materials import Look, Materials
 from vrchain.world.gazebo.mesh.meshes import Meshes
 from vrchain.world.gazebo.outlines import prism, ribbon
 from vrchain.world.gazebo.parts import PRIMITIVES, Part, apart, moved, plane, primitive
@@ -237,14 +236,10 @@ class Designs:
         file, uri = None, shape.find("uri")
         if uri is not None and uri.text:
             file = self._materials.picture(uri.text, uri, [shape.file.parent])
-        if file is None or file.suffix.lower() in ELEVATIONS:
+        elevations = file is not None and file.suffix.lower() in ELEVATIONS
+        greys = None if file is None or elevations else self._materials.read(file)
+        if file is None or greys is None:
             self._notes.add("heightmaps", shape.tag if uri is None else uri.text)
-            return []
-        try:
-            heights = read_picture(file)[..., 0]
-        except SpecError as error:
-            self._notes.lose("pictures that cannot be read", str(error))
-            self._notes.add("heightmaps", file.name)
             return []
         self._notes.add("heightmaps, through which robots drive level", file.name)
         layers = []
@@ -253,7 +248,7 @@ class Designs:
             picture = self._materials.picture(diffuse, layer, [shape.file.parent])
             look = _EARTH if picture is None else Look(picture=picture)
             layers.append((layer.number("size", 1.0), look, from_m))
-        return terrain(shape, heights, layers or [(1.0, _EARTH, -np.inf)])
+        return terrain(shape, greys[..., 0], layers or [(1.0, _EARTH, -np.inf)])
 
     def _surfaces(self, parts: Sequence[Part]) -> tuple[Surface, ...]:
         """Parts as surfaces, those with one texture joined."""

@@ -130,7 +130,7 @@ class Materials:
 
     def _made(self, look: Look) -> NDArray[np.uint8]:
         colour = np.clip(look.colour, 0, 1)
-        rgba = None if look.picture is None else self._read(look.picture)
+        rgba = None if look.picture is None else self.read(look.picture)
         if rgba is None:
             plain = np.round(255 * colour).astype(np.uint8)
             return np.broadcast_to(plain, (_PLAIN_PX, _PLAIN_PX, 3)).copy()
@@ -144,7 +144,8 @@ class Materials:
             return rgb
         return np.dstack([rgb, np.where(solid, 255, 0).astype(np.uint8)])
 
-    def _read(self, file: Path | Embedded) -> NDArray[np.uint8] | None:
+    def read(self, file: Path | Embedded) -> NDArray[np.uint8] | None:
+        """A picture as ``read_picture`` gives it; None, with a note, if it cannot be read."""
         try:
             return read_picture(file)
         except SpecError as error:

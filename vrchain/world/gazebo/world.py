@@ -148,7 +148,7 @@ def _load(path: Path, folders: Folders, strict: bool) -> _Loaded:
     return _Loaded(scene, told, f"{notes.lost}{hint}")
 
 
-def _levelled(things: Sequence[_Thing], notes: Notes) -> list[_Thing]:
+def _levelled(things: Sequence[_Thing], notes: Notes) -> Sequence[_Thing]:
     """All lowered by the height on which most landmarks stand, where a heightmap is their ground.
 
     Robots drive at 0; in Gazebo they fall onto it.
@@ -158,7 +158,7 @@ def _levelled(things: Sequence[_Thing], notes: Notes) -> list[_Thing]:
     hilly = any(thing.design.hilly for thing in things)
     together = 2 * (np.abs(feet_m - level_m) < _LEVEL_M).sum() > len(feet_m)
     if abs(level_m) < _LEVEL_M or not (hilly and together):
-        return [*things]
+        return things
     notes.add(f"landmarks that stand at {level_m:g} m, where a heightmap is: all is lowered")
     lower = np.eye(4)
     lower[2, 3] = -level_m
