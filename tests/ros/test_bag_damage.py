@@ -54,6 +54,29 @@ def test_an_mcap_without_its_summary(tmp_path: Path) -> None:
     assert published([made], tmp_path / "again").digests == whole.digests
 
 
+def test_a_broken_record_in_an_mcap_costs_its_chunk_alone(tmp_path: Path) -> None:
+    from mcap.writer import CompressionType, Writer
+
+    file = tmp_path / "x.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream, 150, CompressionType.NONE, enable_crcs=False)
+        writer.start()
+        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        channel = writer.register_channel("/x", "cdr", schema)
+        for k in range(12):
+            writer.add_message(channel, k, bytes(64), k)
+        writer.finish()
+    content = bytearray(file.read_bytes())
+    length = b"\x05" + struct.pack("<Q", 2 + 4 + 8 + 8 + 64)
+    assert content.count(length) == 12
+    at = content.index(length, content.index(length) + 1)
+    content[at : at + 9] = b"\x05" + struct.pack("<Q", 8)
+    file.write_bytes(content)
+    said: list[str] = []
+    count = sum(1 for _ in messages([file], tell=said.append))
+    assert 9 <= count <= 11 and len(said) == 1 and "chunk" in said[0]
+
+
 def test_a_ros_1_bag_without_its_index(tmp_path: Path) -> None:
     made = bag(tmp_path, "ros1")
     whole = published([made], tmp_path / "whole")

@@ -254,7 +254,7 @@ class Ledger(Reader):
         A writer that is killed between blob and record leaves one transaction's. It holds the
         write lock, so that no other writer is between the two. Raises as ``publish``.
         """
-        with self._writing(), storage_errors(f"cleaning {self.folder}"):
+        with self._turn(), storage_errors(f"cleaning {self.folder}"):
             kept = self._kept()
             orphans = [path for path, blob in self._blobs.files() if blob not in kept]
             for path in orphans:

@@ -197,6 +197,7 @@ def mcap_messages(file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterator[Messa
 def _mcap_chunk(chunk: Any, tell: Tell) -> Iterator[Any]:
     """Its records, as many as are whole."""
     from mcap.data_stream import ReadDataStream
+    from mcap.exceptions import McapError
     from mcap.opcode import Opcode
     from mcap.records import Channel, Schema
     from mcap.records import Message as Recorded
@@ -221,10 +222,13 @@ def _mcap_chunk(chunk: Any, tell: Tell) -> Iterator[Any]:
         if at > len(data) or kind == 0:  # no kind of record
             return tell("a chunk is broken: what is whole of it is used")
         stream = ReadDataStream(io.BytesIO(body))
-        if kind == Opcode.MESSAGE:
-            yield Recorded.read(stream, length)
-        elif kind in (Opcode.CHANNEL, Opcode.SCHEMA):
-            yield (Channel if kind == Opcode.CHANNEL else Schema).read(stream)
+        try:
+            if kind == Opcode.MESSAGE:
+                yield Recorded.read(stream, length)
+            elif kind in (Opcode.CHANNEL, Opcode.SCHEMA):
+                yield (Channel if kind == Opcode.CHANNEL else Schema).read(stream)
+        except (McapError, struct.error, UnicodeDecodeError, ValueError):
+            return tell("a chunk is broken: what is whole of it is used")
     if at < len(data) or len(data) < size:
         tell("a chunk is cut: what is whole of it is used")
     return None

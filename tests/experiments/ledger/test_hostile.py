@@ -9,7 +9,7 @@ from vrchain.experiments.ledger.hostile import attacks
 
 def test_every_attack_is_stopped_and_by_whom() -> None:
     skip_without_servers()
-    table = attacks()
+    table = attacks(seed=1)
     print(f"\n{table[['attack', 'stopped_by']].to_string(index=False)}")
     stopped = dict(zip(table.attack, table.stopped_by, strict=True))
     assert len(stopped) == 23

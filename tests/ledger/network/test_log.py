@@ -16,6 +16,7 @@ from vrchain.ledger.errors import (
     DuplicateMemberError,
     ForkError,
     GapError,
+    LedgerBusyError,
     NotALedgerError,
     OvertakenError,
     PayloadDigestError,
@@ -284,3 +285,16 @@ def test_an_empty_log_begins_no_folder(make_log: MakeLog, tmp_path: Path) -> Non
     with pytest.raises(NotALedgerError):
         Replicated.join(tmp_path / "own", make_log())
     assert not (tmp_path / "own").exists()
+
+
+def test_a_follower_cleans_while_nobody_else_writes(log: Log, tmp_path: Path) -> None:
+    """Or the blobs of a block that comes meanwhile would be taken for nobody's."""
+    with (
+        Replicated.join(tmp_path / "own", log) as own,
+        Ledger.open(tmp_path / "own", writable=True) as other,
+    ):
+        own.catch_up()
+        own._wait_s = 0.1
+        with other._turn(), pytest.raises(LedgerBusyError):
+            own.clean()
+        assert own.clean() == 0

@@ -18,6 +18,7 @@ from vrchain.ledger.network.message import Standing, pack_entry, pack_head
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream
+from vrchain.ledger.records.encoding import encode_fields
 
 
 def stream_of(address: str) -> Stream:
@@ -198,11 +199,32 @@ def test_what_another_member_signs_beside_the_chain_holds_up_nobody(
                              Standing(0)))
             for k in range(3)
         ]  # fmt: skip
+        heads.append(("R3", encode_fields("vrchain/2/message/head", bytes(2 << 20), 0, 0, 0)))
         monkeypatch.setattr(r1.post, "heads", lambda: heads)
         for _ in range(3):
             r1.wait_until_followed()
         eventually(lambda: len(r1.alarms) == 1)
         assert r1.trouble == {}
+
+
+def test_who_has_to_connect_anew_hears_again(address: str, tmp_path: Path) -> None:
+    """As when servers answer by an error that their client gives up at."""
+    reader = stream_of(address)
+    with (
+        contextlib.closing(reader),
+        making(address, tmp_path / "maker") as maker,
+        robot_at(address, tmp_path / "R1") as r1,
+    ):
+        r1.publish("R1", KEYS["R1"], b"before", "view", 60)
+        r1.wait(timeout_s=PATIENCE_S)
+        reader.heads()  # it listens from now on
+        for connection in (maker._offers._connection, r1.post.connection, reader.connection):
+            connection.run(lambda client: client.close())
+        r1.publish("R1", KEYS["R1"], b"after", "view", 61)
+        r1.wait(timeout_s=PATIENCE_S)
+        reader.heads()  # it has connected by now
+        r1.publish("R1", KEYS["R1"], b"heard", "view", 62)
+        eventually(reader.heads)
 
 
 def test_another_transaction_of_that_number_is_not_this_one(address: str, tmp_path: Path) -> None:

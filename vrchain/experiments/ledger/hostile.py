@@ -72,6 +72,8 @@ class Stage:
 
     cluster: Cluster
     key: SigningKey
+    operator: SigningKey
+    of_maker: SigningKey
     connection: Connection
     stream: Stream
     maker: Maker
@@ -139,7 +141,8 @@ def _stage(scratch: Path, seed: int, nodes: int, stack: ExitStack) -> Stage:
     maker = Maker(by_maker, Offers(maker_connection), MAKER, keys[MAKER], lambda: 1_000)
     stream, connection = joined(HOSTILE, keys[HOSTILE])
     by_maker.catch_up(), follower.catch_up()
-    return Stage(cluster, keys[HOSTILE], connection, stream, maker, by_maker, follower)
+    by_key = keys[HOSTILE], operator, keys[MAKER]
+    return Stage(cluster, *by_key, connection, stream, maker, by_maker, follower)
 
 
 def _row(attack: str, attempt: Callable[[], str]) -> tuple[str, str, str]:
@@ -245,8 +248,7 @@ def _two_with_one_number(stage: Stage) -> str:
 
 
 def _delete(stage: Stage) -> str:
-    operator = simulated_key(0, "operator")
-    servers = Servers.at(stage.cluster.address, key=operator, name="operator")
+    servers = Servers.at(stage.cluster.address, key=stage.operator, name="operator")
 
     async def delete(client: Any) -> bool:
         return await client.jetstream().delete_msg("block", 1)
@@ -259,7 +261,7 @@ def _delete(stage: Stage) -> str:
 def _wrong_block(stage: Stage) -> str:
     """It is taken off the log again by nobody: what follows it is for the operator to decide."""
     entry = _entry_of(stage, b"unlinked")
-    log = _Given(replace(entry.block, previous_hash=bytes(32)).signed(_maker_key()), entry)
+    log = _Given(replace(entry.block, previous_hash=bytes(32)).signed(stage.of_maker), entry)
     stage.follower.log, own = log, stage.follower.log
     try:
         stage.follower.catch_up()
@@ -287,11 +289,7 @@ def _second_block(stage: Stage) -> str:
 
 def _entry_of(stage: Stage, payload: bytes) -> Entry:
     transaction = _next(stage, payload).signed(stage.key)
-    return stage.by_maker.make([transaction], MAKER, _maker_key())[0]
-
-
-def _maker_key() -> SigningKey:
-    return simulated_key(0, MAKER)
+    return stage.by_maker.make([transaction], MAKER, stage.of_maker)[0]
 
 
 class _Given:

@@ -33,6 +33,7 @@ class Offers:
 
     def __init__(self, connection: Connection) -> None:
         self._connection = connection
+        self._client: Client | None = None  # that listens to the inbox; a closed one is replaced
         self._inbox, self._pin = "", ""  # the servers' word for the maker that is given all
         self._came: list[Waiting] = []
         self._news = threading.Condition()
@@ -70,9 +71,10 @@ class Offers:
         self._connection.run(lambda client: _each(o.message.nak(delay=delay_s) for o in offers))
 
     async def _ask(self, client: "Client", most: int) -> None:
-        if not self._inbox:
-            self._inbox = client.new_inbox()
+        if client is not self._client:
+            self._inbox, self._open = client.new_inbox(), 0
             await client.subscribe(self._inbox, cb=self._hear)
+            self._client = client
         asked: dict[str, Any] = {"batch": most, "expires": int(_ASK_S * 1e9), "group": MAKERS}
         if self._pin:
             asked["id"] = self._pin

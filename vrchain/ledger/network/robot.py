@@ -18,6 +18,7 @@ from vrchain.ledger.errors import (
     NotSettledError,
     RecordError,
     SignatureError,
+    TooLargeError,
     UnavailableError,
     UnknownMemberError,
 )
@@ -40,7 +41,8 @@ from vrchain.ledger.store import Ledger
 _FOLLOW_S = 0.5  # for which a follower waits at once, and so long until it is told to end
 _RETRY_S = 0.5
 _LOOK_S = 0.01
-_NO_HEAD = EncodingError, RecordError, UnknownMemberError, SignatureError  # nobody said that
+# nobody said that:
+_NO_HEAD = EncodingError, RecordError, TooLargeError, UnknownMemberError, SignatureError
 
 
 class RobotLedger(Replicated):

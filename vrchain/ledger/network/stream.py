@@ -53,7 +53,7 @@ class Stream:
         self._heard: dict[int, bytes] = {}
         self._newest = 0  # number of the newest message that is known
         self._news = threading.Condition()
-        self._listens = False
+        self._listener: Client | None = None  # that hears; a closed one is replaced
         self._said: list[tuple[str, bytes]] = []
         self._refused: list[bytes] = []
 
@@ -69,7 +69,7 @@ class Stream:
 
     def follow(self, after: int, wait_s: float = 0.0) -> Iterator[Given]:
         """As ``Log``; GapError also where the servers know fewer blocks than ``after``."""
-        self._listen()
+        self.connection.run(self._listen)
         self._ask_newest(after + 1)
         want, until_s = after + 2, time.monotonic() + wait_s
         while True:
@@ -135,7 +135,7 @@ class Stream:
 
     def heads(self) -> list[tuple[str, bytes]]:
         """What members have said since this was asked last: name and message."""
-        self._listen()
+        self.connection.run(self._listen)
         with self._news:
             said, self._said = self._said, []
         return said
@@ -169,18 +169,16 @@ class Stream:
 
         self.connection.run(publish)
 
-    def _listen(self) -> None:
-        if not self._listens:
-            self.connection.run(self._subscribe)
-            self._listens = True
-
-    async def _subscribe(self, client: "Client") -> None:
+    async def _listen(self, client: "Client") -> None:
+        if client is self._listener:
+            return
         await client.subscribe(SAID, cb=self._hear)
         await client.subscribe(f"{HEADS}.*", cb=self._hear_head)
         servers = self.connection.servers  # that ask for no key tell nobody's offers apart
         own = "*" if servers.key is None else token(servers.name)
         await client.subscribe(f"{REFUSED}.{own}", cb=self._hear_refusal)
         await client.flush()
+        self._listener = client
 
     async def _hear(self, message: "Msg") -> None:
         number = int((message.headers or {}).get("Nats-Sequence", 0))
