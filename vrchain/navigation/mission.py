@@ -114,4 +114,4 @@ def _drive(follower: Follower, explorer: Explorer) -> None:
             follower.log("no route", why, len(pilot.looks) - 1, **trust)
             explorer.drive_on(replanner.looked_by_others(found))
             fruitless += 1
-    raise GaveUp(f"the goal was not found in {config.max_looks} looks around")
+    raise GaveUp(f"the goal was not found in {len(pilot.looks)} looks around")

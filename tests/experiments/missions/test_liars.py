@@ -166,6 +166,14 @@ def test_who_drives_does_not_lie(tmp_path: Path) -> None:
         )  # fmt: skip
 
 
+def test_the_oracle_is_not_asked_where_it_sees_through_the_lie(tmp_path: Path) -> None:
+    with pytest.raises(MissionError, match="expected no arm oracle"):
+        evaluate(
+            Scenes(the_hamlet, "hamlet", varied=False), 1, 4, seed=3, folder=tmp_path,
+            conditions=Conditions(liars=1, lie="elsewhere"),
+        )  # fmt: skip
+
+
 @pytest.mark.parametrize("kind", ["nothing", "elsewhere"])
 def test_a_ledger_of_only_liars_is_given_up_in_time(
     kind: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

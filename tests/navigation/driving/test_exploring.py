@@ -63,8 +63,10 @@ def test_who_has_looked_everywhere_looks_everywhere_anew() -> None:
     pilot.look_around()
     told: list[str] = []
     explorer = Explorer(pilot, everything, lambda what, why, look=None, **values: told.append(what))
+    explorer._unreachable = [np.array(xy_m) for xy_m in product(side_m, side_m)]
     explorer.drive_on()
     assert told == ["explore"] and np.hypot(*pilot.here.xy_m) > 5.0
+    assert explorer._unreachable == []  # who stood in the way may be gone
 
 
 def test_time_runs_out_on_the_way() -> None:

@@ -185,6 +185,8 @@ def test_a_circle_is_left_for_what_is_far_surer_elsewhere(
     ours.candidates.append(candidate(x_m, chance))
     assert not ours._circle(seen).is_sure(CONFIG)
     assert 5 - len(list(sides)) == left
+    waits = any(c.place is seen.place for c in ours.candidates)  # again, and is no mistake
+    assert waits == (left == 1) != ours.was_mistaken(seen.place)
 
 
 def test_a_mistake_gives_way_to_a_far_surer_sight_and_not_twice_to_the_same() -> None:

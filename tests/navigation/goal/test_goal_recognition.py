@@ -13,7 +13,7 @@ from vrchain.landmarks.extraction.spots import NO_SPOTS
 from vrchain.landmarks.retrieval.query import query_of
 from vrchain.landmarks.retrieval.template import Goal, Sighting, Template, locate
 from vrchain.navigation.goal import recognition
-from vrchain.navigation.goal.recognition import GoalPictures, _of_subject, _taken_m
+from vrchain.navigation.goal.recognition import GoalPictures, GoalSight, _of_subject, _taken_m
 
 HERE = Pose(0.0, 0.0, 0.3)
 PLAIN = Plain(
@@ -50,6 +50,14 @@ def test_behind_what_is_known_to_be_no_goal_another_is_found() -> None:
     assert best and second and second.chance < best.chance
     assert second.bearing_rad == pytest.approx(HERE.bearing_to_rad((-9.0, 5.0)), abs=0.03)
     assert GOAL.find(look, fair=lambda sight: False) is None
+
+
+def test_behind_many_that_are_known_to_be_no_goal_it_is_found() -> None:
+    things = [Thing(f"double {k}", (9.0, 8.0 - 4 * k), looks="goal") for k in range(5)]
+    look, refuted = Plain(tuple(things)).look(HERE), list[GoalSight]()
+    while sight := GOAL.find(look, fair=lambda sight: sight not in refuted):
+        refuted.append(sight)
+    assert len({sight.bearing_rad for sight in refuted}) == 5
 
 
 def test_each_proposal_of_a_look_is_searched_once(monkeypatch: pytest.MonkeyPatch) -> None:

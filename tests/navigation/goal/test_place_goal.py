@@ -75,6 +75,17 @@ def test_it_does_not_wait_long_where_something_stands_on_the_place() -> None:
     assert body.pose.distance_to_m(PLACE.xy_m) < 3.0
 
 
+def test_where_no_way_leads_nearer_it_does_not_look_again_and_again(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    arriving, _ = arrival(Pose(0, 0, 0.5))
+    candidate = arriving.note(arriving.pilot.look_around())
+    assert candidate is not None
+    monkeypatch.setattr(arriving.pilot, "stretch", lambda *way: None)
+    monkeypatch.setattr(GoalPlace, "homing", lambda goal, look: None)
+    assert not arriving.drive_to(candidate) and len(arriving.pilot.looks) == 2
+
+
 def test_where_all_looks_otherwise_it_does_not_arrive() -> None:
     elsewhere = Plain(tuple(Thing(f"other {k}", t.xy_m) for k, t in enumerate(PLAIN.things)))
     arriving, _ = arrival(Pose(0, 0, 0.5), plain=elsewhere)

@@ -43,12 +43,16 @@ def test_a_step_that_pictures_deny_is_not_followed_nor_what_lies_across() -> Non
     for a, b in (("R2~3", "R2~2"), ("R2~5", "R2")):
         assert found.poses().between(a, b) is None
     assert found.poses().between("R2~2", "R2") is not None
+    assert ("R2~3", "R2~2") in found._left  # what pictures tell of it may still be asked
 
 
 def test_who_was_not_believed_once_is_not_believed_again() -> None:
     found = told({}, doubted={"R3": 0.1})
     assert found.doubted() == {"R3": 0.1}
     assert {a[:2] for a, _ in found.steps()} == {"R2"}
+    of_r3 = [(a, b) for a, b in found.found if a[:2] == b[:2] == "R3"]
+    assert of_r3  # its pictures are compared, as anybody's
+    assert all(found.poses().between(a, b) is not None for a, b in of_r3)
 
 
 def test_without_reputation_everything_is_followed() -> None:

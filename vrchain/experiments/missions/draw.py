@@ -179,7 +179,8 @@ class Ground:
     def way_m(self, pose: Pose, goal: str, goal_poses: tuple[Pose, ...]) -> float:
         """The shortest free way to a goal near others, from the free place nearest to a pose."""
         zone = self._zone(goal_poses[0] if goal == PLACE else self.scene.index_of(goal))
-        within_m = self.free.points_m[self.free.region == self.room()[0]]
+        room = self.free.region[zone[0]] if goal == PLACE else self.room()[0]
+        within_m = self.free.points_m[self.free.region == room]
         nearest_m = within_m[np.hypot(*(within_m - pose.xy_m).T).argmin()]
         return float(self.free.from_m(nearest_m)[zone].min())
 

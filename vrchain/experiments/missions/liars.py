@@ -157,3 +157,4 @@ LIES: dict[str, Callable[[Simulator, str, np.random.Generator], Told]] = {
     "twins": _twins,
     "nothing": _nothing,
 }
+FORGED = "elsewhere", "old", "photograph", "twins"  # panoramas of where the robot is not

@@ -33,6 +33,7 @@ from vrchain.experiments.intervals import Bootstrap, ratio, table_of
 from vrchain.experiments.kept import folder_of, kept
 from vrchain.experiments.missions.draw import Mission
 from vrchain.experiments.missions.drive import Conditions, Suburb
+from vrchain.experiments.missions.liars import FORGED
 from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import name_of
@@ -82,6 +83,11 @@ def evaluate(
     if conditions.liars >= n_robots:
         raise MissionError(
             f"expected fewer liars than the {n_robots} robots: one drives, got {conditions.liars}"
+        )
+    if conditions.liars and "oracle" in arms and conditions.lie in FORGED:
+        raise MissionError(
+            "expected no arm oracle: it knows from where panoramas were taken, and so sees through "
+            f"--lie {conditions.lie}; give --arms ledger --arms alone"
         )
     scenes.at(conditions.season, conditions.time)  # refused before anything is driven, as is
     conditions.goal_rig(rig)

@@ -33,6 +33,7 @@ _ASIDE_M, _SIDES = 10.0, 8  # from what it goes to see, and from how many sides 
 # worth so much less than the first one, and nothing for what would be the goal by less than this.
 _OTHER_SIDE, _SIDE_RAD, _LEAST = 0.15, 1.1, 0.02
 _THERE_M = 3.0  # from where it goes
+_MOVED_M = 1.0  # since it has looked everywhere, or it is shut in
 _LOOK_M = 30.0  # a look counts for so much way: it may show several things
 _SHARES = (1.0, 0.5, 0.25, 0.125)  # of all that is far, one after the other
 
@@ -78,6 +79,9 @@ class Explorer:
                     target = choose(share, also)
                     if target is not None:
                         return share, target
+            since = (pose for pose, _ in self.pilot.looked[self._forgotten :])
+            if any(pose.distance_to_m(self.pilot.here.xy_m) > _MOVED_M for pose in since):
+                self._unreachable.clear()  # what stood in the way may be gone
             self._forgotten = len(self.pilot.looked) - 1
         raise GaveUp("there is nowhere left to look from where I can get")
 

@@ -103,7 +103,7 @@ class Arrival(Candidates):
         """What looks at its other sides tell, until it is sure, or no longer likely and a mistake.
 
         Each side that leaves it unsure speaks against it, much like the goal or not at all. It is
-        left, too, for what is far surer and stands elsewhere.
+        left, too, for what is far surer and stands elsewhere, and waits again, without sights here.
         """
         self.log("circle", "it has not looked enough like the goal yet: from other sides")
         before, (middle_xy_m, _) = candidate.place, self._middle(candidate)
@@ -119,8 +119,11 @@ class Arrival(Candidates):
             if candidate.surest > surest:
                 chance = max(chance, at_odds(candidate.surest, UNSURE))
             chance = at_odds(chance, AGAIN)
-            if chance < EVEN or self._is_surer_elsewhere(candidate.place, at_odds(chance, _SURER)):
+            if chance < EVEN:
                 break
+            if self._is_surer_elsewhere(candidate.place, at_odds(chance, _SURER)):
+                self.candidates.append(replace(candidate, chance=chance, place=before))
+                return replace(candidate, sights=(), place=before)
         if self.pilot.here.distance_to_m(middle_xy_m) < NEAR_M:
             self._mistaken.append((middle_xy_m, candidate.surest))
         return replace(candidate, place=before)

@@ -91,7 +91,8 @@ class PlaceArrival(Candidates):
             bearing, range_m = place.seen_from(pilot.here)
             way_m = float(np.clip(_STEP * range_m, *_STEP_M))
             beyond = sighted(pilot.here, bearing, max(range_m, way_m + _NEAR_M))
-            if pilot.stretch(beyond.xy_m, _NEAR_M, way_m) is None and in_vain:
+            stopped = pilot.stretch(beyond.xy_m, _NEAR_M, way_m) is None
+            if stopped and in_vain:
                 break
             look = pilot.look_around()
             home, nearer = self.goal.homing(look), True
@@ -104,7 +105,7 @@ class PlaceArrival(Candidates):
                 if before is None or before[0].distance_to_m(pilot.here.xy_m) >= _CAME_M:
                     before = told
             seen = self._told(look, home, place)
-            in_vain = 0 if seen is not None and nearer else in_vain + 1
+            in_vain = 0 if seen is not None and nearer and not stopped else in_vain + 1
             place = place if seen is None else seen
             if in_vain == _ASTRAY:
                 break

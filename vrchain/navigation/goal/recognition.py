@@ -9,6 +9,7 @@ too. A logistic regression weighs them, and how far the proposal is: from afar l
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Protocol
 
@@ -136,9 +137,9 @@ class GoalPictures:
             half = (p.box[:, 1] - p.box[:, 0]) / 2
             off = np.abs(wrap_angle_rad((p.box[:, 0] + p.box[:, 1]) / 2 - near_rad))
             worth = np.where(off < half + window_rad, worth, -np.inf)
-        chosen = np.argsort(-worth, kind="stable")[:_AMONG]
-        found = [self._sight(look, int(i)) for i in chosen if np.isfinite(worth[i])]
-        return max(filter(fair, found), key=lambda s: s.chance, default=None)
+        in_order = np.argsort(-worth, kind="stable")
+        sights = (self._sight(look, int(i)) for i in in_order if np.isfinite(worth[i]))
+        return max(islice(filter(fair, sights), _AMONG), key=lambda s: s.chance, default=None)
 
     def promise(self, look: Look) -> Array:
         """By looks, spots and range; none for what is of no kind that its pictures show."""

@@ -120,10 +120,11 @@ class Compared:
         """Those that are likely to have something in common; more, if that leaves seers cut off."""
         pairs = [pair for pair in combinations(self.names, 2) if pair[1] not in self.own]
         pairs.sort(key=lambda pair: -alike(self.looks[pair[0]], self.looks[pair[1]]))
+        driven = self._driven()
         for pair in partners(self.names, pairs):
-            if not self._is_known(pair):
+            if pair not in driven and pair not in self._compared:
                 self._compare(*pair)
-        self._left = [pair for pair in pairs if not self._is_known(pair)]
+        self._left = [pair for pair in pairs if pair not in self._compared]
         self.bridge(seers)
 
     def bridge(self, seers: Set[str]) -> bool:
@@ -153,9 +154,6 @@ class Compared:
         for pair in sorted(asked):
             self._compare(*pair)
         return bool(asked)
-
-    def _is_known(self, pair: Pair) -> bool:
-        return pair in self._ways or pair in self._compared
 
     def _in_order(self, a: str, b: str) -> Pair:
         """The two in the order of ``names``."""
