@@ -2,8 +2,7 @@
 
 import json
 from collections.abc import Callable, Sequence
-from functools import cache, partial
-from importlib.metadata import distributions
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,22 +10,10 @@ from vrchain.experiments.scenes import Scenes
 from vrchain.experiments.workers import each
 from vrchain.files import code_digest, name_of, write_file
 
-# By other versions of these what is seen may differ in its last bits, and so what is decided.
-_LIBRARIES = {
-    "numpy", "open3d", "open3d-cpu", "opencv-python-headless", "pyrender2", "scipy", "shapely",
-    "torch", "trimesh",
-}  # fmt: skip
-
 
 def folder_of(folder: Path, scenes: Scenes, *asked: object) -> Path:
     """Where results of just this are kept: made by this code and libraries, in these scenes."""
-    return folder / name_of([code_digest(), _versions(), scenes.digest, *asked])
-
-
-@cache
-def _versions() -> list[str]:
-    told = {(d.name or "").lower(): d.version for d in distributions()}
-    return [f"{name} {told[name]}" for name in sorted(_LIBRARIES & told.keys())]
+    return folder / name_of([code_digest(), scenes.digest, *asked])
 
 
 def kept(file: Path, find: Callable[[], Any]) -> Any:

@@ -260,6 +260,12 @@ def test_submeshes_by_node_and_by_group(tmp_path: Path) -> None:
         assert np.allclose(centred.mean(axis=0), 0)
 
 
+def test_corners_that_nothing_is_made_of_have_no_size(tmp_path: Path) -> None:
+    content = "v 0 0 0\nv 1 0 0\nv 0 1 1\nv 150 40 9\nf 1 2 3\nf 4 4 4\n"
+    thing = drawn(tmp_path, mesh("a.obj"), {"worlds/a.obj": content})
+    assert np.allclose(thing.bounds_m, [(0, 0, 0), (1, 1, 1)])
+
+
 QUADS = "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
 QUADS_UV = "v 0 0 0\nv 2 0 0\nv 2 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvn 0 0 1\n"
 
@@ -703,6 +709,9 @@ def test_a_saved_state_moves_models(tmp_path: Path) -> None:
         ("hatchback_red", (4, 2, 1.5), "vehicle"),
         ("OakTree", (3, 3, 9), "tree"),
         ("pioneer3at", (0.5, 0.5, 0.3), "robot"),
+        ("pr2", (0.7, 0.7, 1.3), "robot"),
+        ("gas_station_sign", (0.6, 0.1, 2), "sign"),
+        ("post_office_box", (0.4, 0.4, 1.2), "pole"),
         ("asphalt_plane", (20, 20, 0.1), "ground"),
         ("grass_terrain", (100, 80, 2), "ground"),
         ("road_barrier", (3, 0.5, 1), "barrier"),

@@ -2,16 +2,20 @@
 
 import os
 from pathlib import Path
+from types import SimpleNamespace
 
 import gazebo_files as gz
 import pytest
 from gazebo_files import CUBE, box, include, mesh, model, told, visual, world
 from gazebo_files import no_folders as no_folders
 
+from vrchain import files
 from vrchain.errors import SpecError
 from vrchain.world import Scene, load_scene
 from vrchain.world.gazebo import cache
 from vrchain.world.gazebo import world as worlds
+
+MORE = include("model://m")
 
 
 @pytest.fixture(autouse=True)
@@ -90,6 +94,43 @@ def test_a_world_is_built_again_when_a_file_of_it_changes(
             load_scene(path)
     else:
         load(path)
+    assert len(built) == 2
+
+
+def test_a_world_is_built_again_when_a_link_leads_elsewhere(
+    tmp_path: Path, built: list[Path]
+) -> None:
+    """A model that leads out of the folders is not found."""
+    path = written(tmp_path / "w")
+    (tmp_path / "w/models/m").rename(tmp_path / "out")
+    (tmp_path / "w/models/m").symlink_to(tmp_path / "out")
+    with told("models that are missing", "model://m"):
+        load_scene(path)
+    (tmp_path / "w/models/m").unlink()
+    (tmp_path / "out").rename(tmp_path / "w/models/m")
+    load(path)
+    assert len(built) == 2
+
+
+def test_what_is_included_often_is_looked_at_once(tmp_path: Path, built: list[Path]) -> None:
+    path = written(tmp_path)
+    gz.write(tmp_path, {"t.world": path.read_text().replace("</world>", 9 * MORE + "</world>")})
+    load(path)
+    (kept,) = cache.folder().iterdir()
+    looked = kept.read_bytes().splitlines()[1]
+    assert looked.count(b"models/m/model.config") < 9
+
+
+def test_other_libraries_build_it_again(
+    tmp_path: Path, built: list[Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = written(tmp_path)
+    load(path)
+    older = [SimpleNamespace(name="Shapely", version="1.0")]
+    monkeypatch.setattr(files, "distributions", lambda: older)
+    files._digest_of.cache_clear()
+    load(path)
+    files._digest_of.cache_clear()
     assert len(built) == 2
 
 

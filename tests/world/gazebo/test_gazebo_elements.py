@@ -221,6 +221,13 @@ def test_glb_meshes_stay_as_they_lie(tmp_path: Path, picture: bytes) -> None:
     assert thing.surfaces[0].texture[0, 0].tolist() == colour
 
 
+def test_a_node_below_one_of_a_name_that_begins_alike_keeps_its_own(tmp_path: Path) -> None:
+    nodes = [{"name": "Car", "children": [1]}, {"name": "Car_Body", "mesh": 0}]
+    body = mesh("a.glb", "<submesh><name>Car_Body</name></submesh>")
+    thing = drawn(tmp_path, body, {"worlds/a.glb": glb({"nodes": nodes})})
+    assert np.allclose(thing.size_m, 1)
+
+
 HUGE = {"componentType": 5126, "count": 2_000_000_000, "type": "VEC3"}
 RING = [{"children": [1], "mesh": 0}, {"children": [0]}]
 

@@ -1,8 +1,9 @@
 """Worlds that took long to build, kept for the next command in the user's cache folder.
 
-What is kept holds as long as all that was looked at for it is the same: the package, the folders
-searched, every file's bytes, and what was not there. A kept world is a pickle, which is only read
-with the digest it was written with; anything amiss, and the world is built again.
+What is kept holds as long as all that was looked at for it is the same: the package and its
+libraries, the folders searched, every file's bytes, and what was not there. A kept world is a
+pickle, which is only read with the digest it was written with; anything amiss, and the world is
+built again.
 """
 
 import contextlib
@@ -23,7 +24,7 @@ from vrchain.world.gazebo.files import Watched, watching
 LEAST_S = 5.0  # of building, from which on a world is kept
 MOST_BYTES = 2 << 30  # of all that is kept; what was not used for longest goes first
 _SUFFIX = ".world"
-_PIECE = 1 << 20
+_HEAD = 65  # bytes of a digest and a line's end
 _FAULTS = (
     OSError, ValueError, EOFError, pickle.PickleError, AttributeError, ImportError, SpecError
 )  # fmt: skip
@@ -60,14 +61,11 @@ def _read(place: Path) -> Any:
     with place.open("rb") as file:
         if os.fstat(file.fileno()).st_uid != os.getuid():
             raise ValueError("somebody else wrote it")
-        digest, told = bytes.fromhex(file.readline(80).decode()), hashlib.sha256()
-        start = file.tell()
-        while piece := file.read(_PIECE):
-            told.update(piece)
-        if told.digest() != digest:
+        digest = file.readline(_HEAD).decode().strip()
+        if hashlib.file_digest(file, "sha256").hexdigest() != digest:
             raise ValueError("it is damaged")
-        file.seek(start)
-        if not Watched(json.loads(file.readline())).still_holds():
+        file.seek(_HEAD)
+        if not Watched(dict.fromkeys(map(tuple, json.loads(file.readline())))).still_holds():
             raise ValueError("a file has changed")
         return pickle.load(file)
 
@@ -77,14 +75,15 @@ def _write(place: Path, seen: Watched, made: Any) -> None:
     with tempfile.NamedTemporaryFile(dir=place.parent, delete=False) as file:
         scratch = Path(file.name)
         try:
-            file.write(b"0" * 64 + b"\n")
-            told = _Told(file)
-            told.write(json.dumps(seen.found).encode() + b"\n")
-            pickle.dump(made, told, protocol=5)
+            file.write(b"0" * (_HEAD - 1) + b"\n")
+            file.write(json.dumps([*seen.found]).encode() + b"\n")
+            pickle.dump(made, file, protocol=5)
             if file.tell() > MOST_BYTES // 2:
                 return
+            file.seek(_HEAD)
+            told = hashlib.file_digest(file, "sha256").hexdigest()
             file.seek(0)
-            file.write(told.digest.hexdigest().encode())
+            file.write(told.encode())
             file.close()
             scratch.replace(place)
         finally:
@@ -95,14 +94,3 @@ def _write(place: Path, seen: Watched, made: Any) -> None:
         total += world.stat().st_size
         if total > MOST_BYTES:
             world.unlink(missing_ok=True)
-
-
-class _Told:
-    """A file that also digests what is written to it."""
-
-    def __init__(self, file: Any) -> None:
-        self._file, self.digest = file, hashlib.sha256()
-
-    def write(self, data: Any) -> int:
-        self.digest.update(data)
-        return int(self._file.write(data))

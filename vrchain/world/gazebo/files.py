@@ -55,6 +55,7 @@ class Folders:
         path = _resolved(place)
         allowed = any(path.is_relative_to(folder) for folder in (*self.models, self.world))
         if not allowed:
+            _noted("way", place)  # which may lead elsewhere tomorrow
             return None
         return path if _noted("path", place) else None
 
@@ -120,15 +121,19 @@ def read_bytes(path: Path, most: int) -> bytes:
     if len(data) > most:
         raise SpecError(f"{path}: expected at most {most >> 20} MiB, this file is larger")
     if (seen := _WATCHED.get()) is not None:
-        seen.found.append(("bytes", str(path), hashlib.sha256(data).hexdigest()))
+        seen.note("bytes", path, hashlib.sha256(data).hexdigest())
     return data
 
 
 @dataclass(frozen=True)
 class Watched:
-    """What was looked at: (what of it, path, answer) each."""
+    """What was looked at: (what of it, path, answer), each once."""
 
-    found: list[tuple[str, str, str]]
+    found: dict[tuple[str, str, str], None]
+
+    def note(self, what: str, path: Path, answer: str) -> None:
+        """One more."""
+        self.found[what, str(path), answer] = None
 
     def still_holds(self) -> bool:
         """Whether all is as it was."""
@@ -141,7 +146,7 @@ _WATCHED: ContextVar[Watched | None] = ContextVar("watched", default=None)
 @contextmanager
 def watching() -> Iterator[Watched]:
     """Note what is looked at in files and folders while the block runs."""
-    token = _WATCHED.set(Watched([]))
+    token = _WATCHED.set(Watched({}))
     try:
         seen = _WATCHED.get()
         assert seen is not None
@@ -153,12 +158,17 @@ def watching() -> Iterator[Watched]:
 def _noted(what: str, path: Path) -> str:
     answer = _look(what, path)
     if (seen := _WATCHED.get()) is not None:
-        seen.found.append((what, str(path), answer))
+        seen.note(what, path, answer)
     return answer
 
 
 def _look(what: str, path: Path) -> str:
-    """What is at a path: where a link leads, which kind, which names, or a digest; "" for none."""
+    """What is at a path: where a link leads, which kind, which names, or a digest; "" for none.
+
+    The way of a path is where it leads, whether or not something is there.
+    """
+    if what == "way":
+        return str(_resolved(path))
     if what == "path":
         resolved = _resolved(path)
         return str(resolved) if _exists(resolved) else ""

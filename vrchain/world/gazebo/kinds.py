@@ -4,8 +4,7 @@ import re
 
 # The first kind one of whose words is in a name: a lamp_post is a lamp, not a pole.
 _WORDS: tuple[tuple[str, str], ...] = (
-    ("robot", "robot pioneer pioneer2dx pioneer3at turtlebot turtlebot3 husky jackal pr2 irobot "
-              "quadrotor drone iris rover"),
+    ("robot", "robot pioneer turtlebot husky jackal pr2 irobot quadrotor drone iris rover"),
     ("person", "person pedestrian walking standing actor human casual man woman"),
     ("sign", "sign signpost billboard speed_limit"),
     ("lamp", "lamp light lamppost streetlight stoplight"),
@@ -78,8 +77,8 @@ def _named(name: str, unfit: set[str]) -> str | None:
     """The kind that a name's words tell, if any, but none of those that do not fit."""
     lowered = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name).lower()
     for word in _WHOLE:
-        if word in lowered:
+        if word in lowered and _KINDS[word] not in unfit:
             return _KINDS[word]
-    words = [w for w in re.split(r"[^a-z]+", lowered) if w]
+    words = re.split(r"[^a-z]+", lowered) + re.split(r"[^a-z0-9]+", lowered)
     kinds = {_KINDS[w] for w in words if w in _KINDS} - unfit
     return next((kind for kind, _ in _WORDS if kind in kinds), None)

@@ -157,7 +157,10 @@ def joined(*parts: Part) -> Part:
 
 
 def cleaned(part: Part) -> Part:
-    """Without faces that have no area, or lie on another one and look the same, front or back."""
+    """Without faces that have no area, or lie on another one and look the same, front or back.
+
+    And without corners that no face uses: they would count in its size.
+    """
     _, place = np.unique(part.vertices_m, axis=0, return_inverse=True)
     looks = part.vertices_m[:, :2] * 0 if part.uv is None else part.uv
     _, alike = np.unique(np.column_stack([place.ravel(), looks]), axis=0, return_inverse=True)
@@ -166,7 +169,11 @@ def cleaned(part: Part) -> Part:
     _, first = np.unique(np.sort(alike.ravel()[part.faces], axis=1), axis=0, return_index=True)
     keep = np.zeros(len(corners), dtype=bool)
     keep[first] = True
-    return replace(part, faces=part.faces[keep & has_area])
+    used, faces = np.unique(part.faces[keep & has_area], return_inverse=True)
+    uv, shade = (values if values is None else values[used] for values in (part.uv, part.shade))
+    return replace(
+        part, vertices_m=part.vertices_m[used], faces=faces.reshape(-1, 3), uv=uv, shade=shade
+    )
 
 
 def apart(parts: Sequence[Part]) -> list[Part]:

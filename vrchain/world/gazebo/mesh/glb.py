@@ -38,7 +38,7 @@ class Glb(MeshFile):
         bare = {k: v for k, v in document.items() if k not in ("images", "textures", "samplers")}
         bare["materials"] = [{"name": str(k)} for k in range(len(looks))]
         loaded = load_glb(io.BytesIO(_glb(bare, binary)))
-        nodes = {edge["frame_from"] for edge in loaded["graph"]}
+        named = {node.get("name") for node in document.get("nodes", [])}
         places: dict[str, NDArray[np.float64]] = {loaded["base_frame"]: np.eye(4)}
         triangles = 0
         for edge in loaded["graph"]:  # every node before those below it
@@ -54,7 +54,7 @@ class Glb(MeshFile):
             if triangles > MOST_MESH_TRIANGLES:
                 raise SpecError(f"{self.file}: expected at most {MOST_MESH_TRIANGLES} triangles")
             # The primitives of one mesh lie below its node, under names of their own.
-            several = above in nodes and edge["frame_to"].startswith(f"{above}_")
+            several = edge["frame_to"].startswith(f"{above}_") and edge["frame_to"] not in named
             visual = mesh.get("visual")
             uv = None if visual is None or visual.uv is None else np.asarray(visual.uv, float)
             part = Part(
