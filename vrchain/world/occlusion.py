@@ -75,7 +75,9 @@ class Obstacles:
         highest_first = np.argsort(-self.top_m, kind="stable")
         depths = -self.top_m[highest_first]
         few = _FEW * h * w if h * w * self.cell_m**2 > _WIDE_M2 else 0.0
-        sparse = _Sparse(self.shape, self.cell, light)
+        cell_row, cell_column = np.divmod(self.cell, w)
+        cell_at = cell_row * light.shape[1] + cell_column
+        lost = np.zeros(light.size, dtype=np.float32)
         for k in range(n - 1, -1, -1):
             here = order[starts[k] : starts[k + 1]]
             shares[here] = _sampled(light, place[here])
@@ -90,7 +92,7 @@ class Obstacles:
             column, row = np.floor(shift).astype(int)
             part = shift - (column, row)
             if len(met) < few:
-                sparse.dim(met, taken, (row, column), part)
+                _dim(light, lost, cell_at[met] + (row * light.shape[1] + column), taken, part)
                 continue
             through = np.ones(self.shape, dtype=np.float32)
             through.reshape(-1)[self.cell[met]] = taken
@@ -112,44 +114,23 @@ class Obstacles:
         return _joined(self.low_m, (h, w), 2 * self.cell_m, found)
 
 
-class _Sparse:
-    """Light that is dimmed in a few cells of a layer, as by ``_shifted`` in all of them."""
+def _dim(
+    light: NDArray[np.float32],
+    lost: NDArray[np.float32],
+    at: NDArray[np.int64],
+    taken: NDArray[np.float32],
+    part: NDArray[np.float64],
+) -> None:
+    """Multiply light by what gets through a few cells of a layer, as by ``_shifted`` in all.
 
-    def __init__(
-        self, shape: tuple[int, int], cell: NDArray[np.int32], light: NDArray[np.float32]
-    ) -> None:
-        row, column = np.divmod(cell, shape[1])
-        self._light, self._width = light.reshape(-1), light.shape[1]
-        self._wide = shape[1] + 2  # with an empty cell around the layer
-        self._lost = np.zeros((shape[0] + 2) * self._wide, dtype=np.float32)
-        self._cell = (row + 1) * self._wide + column + 1
-        self._place = row * self._width + column
-
-    def dim(
-        self,
-        met: NDArray[np.int64],
-        taken: NDArray[np.float32],
-        start: tuple[int, int],
-        part: NDArray[np.float64],
-    ) -> None:
-        """Multiply by what gets through slabs, ``taken`` each.
-
-        start: (row, column) of the light where the layer begins; part: (x, y) of a cell, 0..1.
-        """
-        weights = 1 - _shifted(np.zeros((1, 1), dtype=np.float32), *part)
-        cells = self._cell[met]
-        places = self._place[met] + (start[0] * self._width + start[1])
-        self._lost[cells] = 1 - taken
-        near = [(i, j) for i in (0, 1) for j in (0, 1)]
-        dimmed = []
-        for i, j in near:  # every cell that one of them reaches, some of them twice
-            reached = cells + (i * self._wide + j)
-            lost = sum(weights[y, x] * self._lost[reached - (y * self._wide + x)] for y, x in near)
-            at = places + (i * self._width + j)
-            dimmed.append((at, self._light[at] * (1 - lost)))
-        for at, value in dimmed:
-            self._light[at] = value
-        self._lost[cells] = 0
+    at: where in the flat light; lost: as large, of zeros, as it is left; part: (x, y) of a cell.
+    """
+    weights = 1 - _shifted(np.zeros((1, 1), dtype=np.float32), *part)
+    steps = [(i * light.shape[1] + j, weights[i, j]) for i in (0, 1) for j in (0, 1)]
+    lost[at] = 1 - taken
+    reached = np.concatenate([at + step for step, _ in steps])  # some twice, by the same
+    light.reshape(-1)[reached] *= 1 - sum(weight * lost[reached - step] for step, weight in steps)
+    lost[at] = 0
 
 
 def _shifted(grid: NDArray[np.float32], x: float, y: float) -> NDArray[np.float32]:
