@@ -183,16 +183,10 @@ class Ledger(Reader):
         return (dict(self.genesis.members) | enrolled)[name]
 
     def draft_transaction(
-        self,
-        robot: str,
-        payload: bytes,
-        reason: str,
-        timestamp_ns: int,
-        landmarks: bytes | None = None,
+        self, robot: str, payload: bytes, reason: str, timestamp_ns: int
     ) -> Transaction:
         """The robot's next transaction after ``head``, for it to sign: ``draft.signed(key)``."""
-        seen = blob_digest(landmarks)
-        return self.draft(robot, blob_digest(payload), reason, timestamp_ns, seen)
+        return self.draft(robot, blob_digest(payload), reason, timestamp_ns)
 
     def append_many(self, offers: Sequence[Offer], author: str, key: SigningKey) -> Block:
         """Append transactions that their robots signed, all in one block by ``author``.

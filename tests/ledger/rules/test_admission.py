@@ -55,30 +55,6 @@ def test_what_is_admitted_comes_into_one_block(ledger: Ledger, clock: Clock) -> 
     assert verify(ledger.folder).ok
 
 
-@pytest.mark.parametrize(
-    ("limits", "is_full"),
-    [
-        ({"block_length": 2}, False),  # enough wait
-        ({"queue_bytes": 20, "blob_bytes": 10}, True),  # the next might find no room
-        ({"queue_length": 2}, True),
-        ({"block_delay_ns": SECOND}, False),  # the first has waited long enough
-    ],
-)
-def test_when_a_block_is_due(
-    limits: dict[str, int], is_full: bool, ledger: Ledger, clock: Clock
-) -> None:
-    admission = door(ledger, clock, **limits)
-    sent = chain_of(ledger, clock, 2)
-    assert not admission.due()
-    admission.admit(sent[0].record, b"payload")
-    assert not admission.due()
-    admission.admit(sent[1].record, b"payload")
-    clock.now_ns += limits.get("block_delay_ns", 0)
-    assert (admission.due(), admission.full()) == (True, is_full)
-    assert [offer.transaction for offer in admission.take()] == sent
-    assert not admission.due()
-
-
 def test_each_refusal_has_its_kind_and_leaves_nothing(ledger: Ledger, clock: Clock) -> None:
     admission = door(ledger, clock, blob_bytes=100, skew_ns=SECOND, burst=1)
     good = chain_of(ledger, clock, 2)

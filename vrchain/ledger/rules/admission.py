@@ -84,26 +84,6 @@ class Admission:
         self._last[robot] = transaction
         return transaction
 
-    def due(self) -> bool:
-        """Whether a block should be made now: enough wait, or one has waited long enough."""
-        enough = len(self._queue) >= self.limits.block_length
-        return enough or self.full() or self.due_in_s() == 0
-
-    def full(self) -> bool:
-        """Whether there might be no room for the next one."""
-        limits = self.limits
-        return bool(self._queue) and (
-            len(self._queue) >= limits.queue_length
-            or self._queued_bytes + limits.blob_bytes > limits.queue_bytes
-        )
-
-    def due_in_s(self) -> float | None:
-        """How long until the first one has waited long enough; None while none waits."""
-        if not self._queue:
-            return None
-        waited_ns = self._clock() - self._queue[0][0]
-        return max(0, self.limits.block_delay_ns - waited_ns) / 1e9
-
     def take(self) -> list[Offer]:
         """The next block's transactions, in the order in which they came; they wait no more."""
         taken, room = list[Offer](), self.limits.block_bytes

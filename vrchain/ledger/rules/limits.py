@@ -18,7 +18,6 @@ class Limits:
     queue_bytes: int = 1 << 26  # their blobs
     block_length: int = 64  # transactions in one block
     block_bytes: int = 7_000_000  # of its blobs, so that it travels as one message
-    block_delay_ns: int = 200_000_000  # how long the first one waits for others
 
 
 # Takes in at any rate: to measure what else holds it up.
