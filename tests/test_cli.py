@@ -443,8 +443,17 @@ def test_pictures_are_imported(here: Here, refused: Refused, tmp_path: Path) -> 
     strip = ("panorama", "import", tmp_path / "photo.png", "--model", "cylinder")
     good(here(*strip, "-o", tmp_path / "like", "--like", tmp_path / "one"))
     assert Panorama.load(tmp_path / "like").rig == one.rig
+    sides = ("--model", "views", "--field-of-view", 95)
+    good(here("panorama", "import", *4 * [a], *sides, "-o", tmp_path / "like"))  # other views
     (tmp_path / "c.png").write_bytes(b.read_bytes())
+    (tmp_path / "one/my.yaml").write_text("{}")
     before = everything(tmp_path)
+    at = ("--at", 0, 0, 0, "-o", tmp_path / "one")
+    assert "my.yaml lies in" in refused("panorama", tmp_path / "one/my.yaml", *at)
+    assert "that you are in" in refused(*command, a, "-o", ".", cwd=tmp_path / "one")
+    assert "--columns or --like" in refused(
+        *strip, "-o", tmp_path / "out", "--like", tmp_path / "one", "--columns", 512
+    )
     out = tmp_path / "out"
     said = refused(*command, b, tmp_path / "c.png", "-o", tmp_path / "two")
     assert "two holds a, which would be lost" in said

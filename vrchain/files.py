@@ -69,6 +69,8 @@ def check_output_folder(folder: str | Path, marker: str) -> None:
                 )
             if os.path.ismount(target):
                 raise OutputError(f"{folder} is a whole disk: choose a folder on it")
+            if Path.cwd().is_relative_to(target):  # it would be replaced under your feet
+                raise OutputError(f"{folder} is the folder that you are in: choose one in it")
             if any(target.iterdir()) and not (target / marker).is_file():
                 raise OutputError(
                     f"{folder} is not empty and holds no {marker} of an earlier run: "

@@ -298,6 +298,17 @@ def test_one_rig_for_all_and_options_before_what_is_told(tmp_path: Path) -> None
     a, b = (p.rig for _, p in opened(entries, Source(camera_height_m=0.8), upsampled))
     assert a == b and a.camera_height_m == 0.8
     assert upsampled == [pytest.approx(1, abs=0.02), pytest.approx(512 / 800, abs=0.02)]
+    taller = source_of(entries[0], Source("equirectangular"))
+    assert taller.camera_height_m == 0.7  # as the database says
+    written = tmp_path / "written"
+    written.mkdir()
+    write_database(written, opened(entries, Source("equirectangular", pitch_deg=5.0)))
+    about = json.loads((written / "a/panorama.json").read_text())
+    assert about["tilt_corrected"] and about["pitch_deg"] == 5.0
+    (again, _) = next(opened(read_database(written)))
+    assert again.about["pitch_deg"] == 5.0
+    with pytest.raises(ImageError, match="is a panorama already"):
+        list(opened(read_database(written), Source(pitch_deg=1.0)))
     told = source_of(entries[0])
     assert (told.pitch_deg, told.camera_height_m) == (pytest.approx(3), 0.7)
     assert source_of(entries[0], Source(pitch_deg=1.0)).pitch_deg == 1.0

@@ -13,6 +13,7 @@ from PIL import Image
 from vrchain.errors import ImageError, SpecError
 from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Codec, Panorama, encode_png, read_image, view_change
+from vrchain.panorama import panorama as panorama_module
 from vrchain.panorama.codec import STORED
 from vrchain.panorama.panorama import pack
 from vrchain.seeding import generator
@@ -278,6 +279,21 @@ def masked(rig: CameraRig) -> Panorama:
     seen = np.ones(whole.views.shape[:3], dtype=bool)
     seen[0, :, 5:] = False
     return Panorama(rig, whole.views, seen)
+
+
+def test_a_mask_of_another_size_is_refused_by_its_head(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Some kilobytes of black ask for gigabytes."""
+    shown = noise_panorama(TINY)
+    coded = [encode_png(view) for view in shown.views]
+    black = np.zeros((TINY.n_views, 3000, 3000), dtype=bool)
+    decoded: list[str] = []
+    decode = panorama_module.decode_image
+    monkeypatch.setattr(
+        panorama_module, "decode_image", lambda c, w: (decoded.append(w), decode(c, w))[1]
+    )
+    with pytest.raises(ImageError, match="what is seen has another size"):
+        Panorama.decode(pack(TINY, "png", coded, black))
+    assert set(decoded) == {"a view"}
 
 
 def test_what_is_seen_goes_with_the_panorama(tmp_path) -> None:

@@ -179,6 +179,12 @@ def test_upsampling_is_told(tmp_path: Path) -> None:
     assert found.upsampled == pytest.approx(600 / 2 / np.pi / (100 / (np.pi / 2)), rel=0.05)
 
 
+def test_views_larger_than_a_rig_takes_are_made_smaller(tmp_path: Path) -> None:
+    wide = [save(tmp_path / f"{k}.png", np.full((60, 4200, 3), 90, np.uint8)) for k in range(4)]
+    found = import_panorama(wide, Source("views", field_of_view_deg=95.0))
+    assert found.panorama.rig.width_px <= 4096
+
+
 @pytest.mark.parametrize(
     ("given", "word"),
     [
@@ -190,6 +196,8 @@ def test_upsampling_is_told(tmp_path: Path) -> None:
         ({"mirror": Mirror(offset_deg=float("inf"))}, "inner radius below its outer"),
         ({"faces": "front"}, "the letters frblud in some order, got 'front'"),
         ({"columns": 3}, "columns must lie"),
+        ({"model": "cubemap", "field_of_view_deg": 90.0}, "is told of the model equirectangular,"),
+        ({"model": "fisheye", "elevations_deg": (-5.0, 5.0)}, "elevations: is told of the model"),
     ],
 )
 def test_options_out_of_bounds_are_refused(given: dict, word: str) -> None:

@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import pandas as pd
+import pytest
 from drawn import strays, words
 
+from vrchain.errors import LedgerError
 from vrchain.experiments.ledger.regions import COLUMNS as REGIONS
 from vrchain.experiments.ledger.regions import ONE, OWN
 from vrchain.experiments.ledger.size import COLUMNS, TEAM
@@ -55,3 +57,7 @@ def test_the_chain_shows_what_is_new_and_what_is_carried_over(tmp_path: Path) ->
     for entry in chain:
         assert f"{entry.block.hash.hex()[:8]}…" in texts
     assert texts.count("R1 no. 1 (distance)") == 2 and texts.count("R2: nothing yet") == 3
+    late = words(ledger_figure(chain[-1:]))
+    assert late.count("R1: an earlier one") == 1 and "R1: nothing yet" not in late
+    with pytest.raises(LedgerError, match="got none"):
+        ledger_figure([])

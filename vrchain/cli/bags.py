@@ -12,7 +12,7 @@ import typer
 from vrchain.cli.ledger_keys import Servers, handed_on, key_of, writable
 from vrchain.cli.options import Folder, Json, Spec, doing
 from vrchain.errors import BagError, VRChainError
-from vrchain.files import check_output_folder, output_folder
+from vrchain.files import check_output_folder, check_outside, output_folder
 from vrchain.ledger.errors import UnavailableError
 
 _EXPORTED = "patrol.json"
@@ -181,6 +181,7 @@ def export(
     from vrchain.simulation.team import team_ledger
     from vrchain.world import load_scene
 
+    check_outside(output, spec)
     check_output_folder(output, _EXPORTED)
     with doing(f"building {spec}"):
         scene = load_scene(spec)

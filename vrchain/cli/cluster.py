@@ -2,6 +2,7 @@
 
 import contextlib
 import json
+import secrets
 import sys
 import time
 from collections.abc import Callable
@@ -25,7 +26,8 @@ from vrchain.ledger.network.maker import Maker
 from vrchain.ledger.network.offers import Offers
 from vrchain.ledger.network.opening import follow_servers, open_ledger
 from vrchain.ledger.network.robot import RobotLedger
-from vrchain.ledger.network.stream import Stream, set_up
+from vrchain.ledger.network.set_up import MOST_REPLICAS, set_up
+from vrchain.ledger.network.stream import Stream
 from vrchain.ledger.network.watching import watched
 from vrchain.ledger.records.fields import check_name
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
@@ -106,10 +108,11 @@ def up(
 
 
 @app.command()
-def status(output: Home, as_json: Json = False) -> None:
+def status(output: Home, ca: Authority = None, as_json: Json = False) -> None:
     """What each server says of the ledger; exit status 1 when one is down or has lost blocks."""
-    is_configured = (output / CONFIGURED).exists()
-    rows = Cluster.load(output, CONFIGURED if is_configured else MARKER).status()
+    cluster = Cluster.load(output, CONFIGURED if (output / CONFIGURED).exists() else MARKER)
+    cluster.ca = str(ca) if ca else cluster.ca
+    rows = cluster.status()
     newest = max((row.get("block_last", 0) for row in rows), default=0)
     alarms = []
     for row in rows:
@@ -178,16 +181,18 @@ def config(
         )
     with Ledger.open(ledger) as opened:
         users = _users(opened, maker)
+    known = Cluster.load(output, CONFIGURED).secret if (output / CONFIGURED).exists() else ""
+    secret = known or secrets.token_hex(16)
     with output_folder(output, CONFIGURED) as folder:
         for node in nodes:
-            at = certificates
-            tls = (
-                Tls(at / f"{node.name}.crt", at / f"{node.name}.key", at / "ca.crt") if at else None
-            )
-            text = server_config(node, nodes, store, users, tls)
+            tls = Tls.of(certificates, node.name) if certificates else None
+            text = server_config(node, nodes, store, users, tls, secret)
             (folder / f"{node.name}.conf").write_text(text)
-        told = {"nodes": [vars(node) for node in nodes]}
+        told: dict[str, Any] = {"nodes": [vars(node) for node in nodes], "secret": secret}
+        told |= {"ca": str(certificates / "ca.crt")} if certificates else {}
         (folder / CONFIGURED).write_text(json.dumps(told, indent=2) + "\n")
+        for file in folder.iterdir():
+            file.chmod(0o600)  # they hold what servers know each other by
     scheme = "tls" if certificates else "nats"
     address = f"{scheme}://{','.join(node.address for node in nodes)}"
     result = {"address": address, "folder": str(output), "members": sorted(users.members)}
@@ -199,11 +204,10 @@ def put(
     ledger: Annotated[Path, typer.Argument(metavar="LEDGER", help="A ledger's folder.")],
     address: Address,
     replicas: Annotated[
-        int, typer.Option(min=1, max=5, help="On how many servers each block is kept.")
-    ] = 3,
+        int | None, typer.Option(min=1, max=MOST_REPLICAS, help="Servers that keep each block.")
+    ] = None,
     max_gb: Annotated[
-        float | None,
-        typer.Option(min=0.01, max=1e6, help="For blocks on each server; else all of its disk."),
+        float | None, typer.Option(min=0.01, max=1e6, help="For blocks on each server's disk.")
     ] = None,
     keys: Keys = None,
     simulated: Simulated = None,
@@ -216,7 +220,7 @@ def put(
         key = None if anonymous else signer(opened, keys, OPERATOR, simulated)
         servers = Servers.at(address, key=key, name=OPERATOR, ca=ca)
         with contextlib.closing(Stream(Connection(servers))) as stream, doing("putting blocks"):
-            set_up(stream.connection, replicas, int(max_gb * 1e9) if max_gb else -1)
+            set_up(stream.connection, replicas, int(max_gb * 1e9) if max_gb else None)
             count = put_blocks(opened, stream, stream.newest())
         (opened.folder / OUTBOX_NAME).mkdir(exist_ok=True)  # from now on it follows them
         result = {"blocks": count, "height": opened.head.height, "head": opened.head.hash.hex()}

@@ -20,7 +20,7 @@ from vrchain.ledger import (
     save_key,
     simulated_key,
 )
-from vrchain.ledger.errors import KeyFileError, UnavailableError
+from vrchain.ledger.errors import KeyFileError, LogError, UnavailableError
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.storage.durable import sync_folder
@@ -99,6 +99,8 @@ def handed_on(ledger: Ledger, made: Transaction | None = None) -> str:
 def is_enrolled(ledger: Ledger, name: str) -> bool:
     """Whether a robot is a member by now; true, too, if nobody can tell."""
     with contextlib.suppress(LedgerError):
+        if isinstance(ledger, RobotLedger):
+            ledger.catch_up()
         ledger.refresh()
         return name in ledger.members
     return True
@@ -124,7 +126,7 @@ def saved_keys(
                 sync_folder(folder)
         yield
     except BaseException as error:
-        if isinstance(error, UnavailableError) or is_done():
+        if isinstance(error, LogError) or is_done():
             raise  # it may be done, and then nobody could sign without the keys
         for path in saved:
             path.unlink(missing_ok=True)

@@ -3,6 +3,7 @@
 import json
 import math
 from dataclasses import asdict
+from fnmatch import fnmatch
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -10,7 +11,7 @@ import typer
 from typer.core import TyperGroup
 
 from vrchain.cli.options import Folder, Model, Spec, doing, suburb_of
-from vrchain.errors import OutputError
+from vrchain.errors import ImageError, OutputError
 from vrchain.files import check_output_folder, check_outside, output_folder
 
 if TYPE_CHECKING:
@@ -50,6 +51,7 @@ def draw(
     from vrchain.world.model import check_on_map
     from vrchain.world.render import Renderer
 
+    check_outside(output, spec)
     check_output_folder(output, MARKER)
     rig = CameraRig(views, width, height, field_of_view)
     pose = Pose(at[0], at[1], math.radians(at[2] % 360))
@@ -157,6 +159,8 @@ def import_(
         bearings_deg=tuple(bearing or ()),
         columns=columns,
     )
+    if like and columns:
+        raise ImageError("expected --columns or --like, whose columns count, not both")
     check_outside(output, *images)
     together = [images] if source.several and len(images) > 1 else [[image] for image in images]
     names = [group[0].stem for group in together]
@@ -176,13 +180,23 @@ def import_(
         if len(together) > 1:
             sources = {image.stem: str(image) for image in images}
             (folder / _SEVERAL).write_text(json.dumps(sources, indent=2) + "\n")
-        there = output.iterdir() if output.exists() else ()
-        if lost := {path.name for path in there} - {path.name for path in folder.iterdir()}:
+        if lost := _strange(output) - {path.name for path in folder.iterdir()}:
             raise OutputError(
                 f"{output} holds {', '.join(sorted(lost))}, which would be lost: choose another -o"
             )
     print(f"wrote {output}: " + (MARKER if len(together) == 1 else f"{len(together)} panoramas"))
     _say_upsampled(most)
+
+
+def _strange(output: Path) -> set[str]:
+    """The names in a folder of what is no single panorama's, which an import may replace."""
+    from vrchain.panorama import MARKER
+
+    there = {path.name for path in output.iterdir()} if output.exists() else set[str]()
+    if MARKER in there:
+        there = {n for n in there if not fnmatch(n, "view_*.png")}
+        there -= {MARKER, "cylinder.png", "seen.png"}
+    return there
 
 
 @app.command()
@@ -227,13 +241,14 @@ def import_database(
     entries = on_floor(read_database(folder, headings), floor)
     check_outside(output, folder)
     check_output_folder(output, MADE)
+    own = any(entry.own for entry in entries)
     source = _source(
         model=model,
         field_of_view_deg=field_of_view,
         elevations_deg=elevations,
         pitch_deg=pitch,
         roll_deg=roll,
-        camera_height_m=height_of(entries) if height is None else height,
+        camera_height_m=height_of(entries) if height is None and not own else height,
         mirror=_mirror(centre, inner, outer, offset, flip),
         columns=columns,
     )
@@ -255,14 +270,13 @@ def export_database(
 
     Brains on Board's format and a plain CSV; the panoramas themselves lie whole beside them.
     """
-    from vrchain.panorama import Panorama
-    from vrchain.panorama.databases import ENTRIES, MADE, entry_of, write_database
+    from vrchain.panorama.databases import ENTRIES, MADE, entry_of, opened, write_database
 
     check_outside(output, *panoramas)
     check_output_folder(output, MADE)
     entries = [entry_of(own) for own in panoramas]
     with output_folder(output, MADE) as scratch:
-        write_database(scratch, ((entry, Panorama.load(entry.file)) for entry in entries))
+        write_database(scratch, opened(entries))
     print(f"wrote {output}: {len(entries)} panoramas with their positions, {ENTRIES}, poses.csv")
 
 

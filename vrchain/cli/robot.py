@@ -96,13 +96,16 @@ def run(
     """
     if ros == (scene is not None):
         raise BagError("expected either --ros or --scene SPEC")
+    from vrchain.ledger.network.opening import is_servers, open_ledger
+
+    if is_servers(ledger) and folder is None:
+        raise OutputError("expected --folder, for this machine's copy, with nats://, got none")
     if scene is not None:
         key = member_key(folder or Path(ledger), keys, robot, simulated)
         if output is not None:
-            check_outside(output, folder or Path(ledger), keys)
+            check_outside(output, folder or Path(ledger), keys, scene)
         _run_apart(scene, ledger, folder, robot, key, robots, sent, goal, seed, output, as_json)
         return
-    from vrchain.ledger.network.opening import open_ledger
     from vrchain.ledger.network.robot import RobotLedger
     from vrchain.navigation.goal.recognition import goal_from
     from vrchain.navigation.mission import drive_mission
@@ -242,6 +245,7 @@ def play(
     from vrchain.simulation.team import assemble, drive_to_places, team_ledger
     from vrchain.world import load_scene
 
+    check_outside(output, spec)
     check_output_folder(output, _PLAYED)
     perception, rig = learned_perception(), CameraRig()
     with closing(node_of(f"play_{robot}", ros_version)) as node:

@@ -11,7 +11,7 @@ import typer
 
 from vrchain.cli.options import Folder, Json, Spec, check_picture, doing, suburb_of, teller
 from vrchain.errors import ImageError, OutputError
-from vrchain.files import check_output_folder, output_folder, write_file
+from vrchain.files import check_output_folder, check_outside, output_folder, write_file
 
 if TYPE_CHECKING:
     from vrchain.landmarks.matching.common import CommonLandmark
@@ -151,6 +151,7 @@ def navigate(
     from vrchain.simulation.task import robot_names
     from vrchain.world import load_scene
 
+    check_outside(output, spec)
     check_output_folder(output, mission.MARKER)
     if suburb_of(spec):  # other scenes may have robots of their own
         robot_names(robots, robot)

@@ -32,6 +32,7 @@ class Source:
     tilted, middle up and right side down; it is set upright. faces: the order of a cubemap's, by
     the letters of ``models.FACES``. calibration: files of calibrated views; bearings_deg: where
     each view looks, anticlockwise from ahead. columns: of the cylinder, instead of the picture's.
+    camera_height_m: above the ground; a robot's, 1 m, if nothing else tells it.
     """
 
     model: str | None = None
@@ -40,7 +41,7 @@ class Source:
     heading_deg: float | None = None
     pitch_deg: float | None = None
     roll_deg: float | None = None
-    camera_height_m: float = CameraRig.camera_height_m
+    camera_height_m: float | None = None
     mirror: Mirror | None = None
     faces: str | None = None
     calibration: tuple[Path, ...] = ()
@@ -55,7 +56,7 @@ class Source:
             "heading_deg": (-360.0, 360.0),
             "pitch_deg": (-180.0, 180.0),
             "roll_deg": (-180.0, 180.0),
-            "columns": (64, 16384),
+            "columns": (96, 8192),  # a rig has views of 16 to 4,096 pixels
         }
         for name, (low, high) in limits.items():
             value = getattr(self, name)
@@ -78,14 +79,23 @@ class Source:
         if self.faces is not None and sorted(self.faces) != sorted(FACES):
             raise ImageError(f"expected the letters {FACES} in some order, got {self.faces!r}")
 
-        owners = {"mirror": "mirror", "faces": "cubemap", "calibration": "views",
-                  "bearings_deg": "views"}  # fmt: skip
+        owners = {
+            "mirror": "mirror", "faces": "cubemap", "calibration": "views", "bearings_deg": "views",
+            "field_of_view_deg": "equirectangular cylinder fisheye views",
+            "elevations_deg": "equirectangular cylinder mirror",
+        }  # fmt: skip
         for name, owner in owners.items():
-            if getattr(self, name) and self.model not in (None, owner):
+            if getattr(self, name) and self.model and self.model not in owner.split():
+                told, of = name.removesuffix("_deg"), owner.replace(" ", ", ")
                 raise ImageError(
-                    f"{name.removesuffix('_deg')}: is told of the model {owner} alone, got the "
-                    f"model {self.model}"
+                    f"{told}: is told of the model {of} alone, got the model {self.model}"
                 )
+
+    @property
+    def height_m(self) -> float:
+        """Of the camera: as told, or a robot's."""
+        told = self.camera_height_m
+        return CameraRig.camera_height_m if told is None else told
 
     @property
     def several(self) -> bool:

@@ -84,14 +84,12 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
     rows: list[list[Any]] = []
     size_px, on_grid, names = (0, 0), False, set()
     for entry, panorama in taken:
-        name = entry.file.name if entry.own else entry.file.stem
+        name = entry.file.resolve().name if entry.own else entry.file.stem
         while name in names:
             name += "_"
         names.add(name)
         (folder / name).mkdir()
-        known = entry.own or entry.pitch_rad is not None or entry.roll_rad is not None
-        about = {"source": [str(entry.file)], "tilt_corrected": known}
-        panorama.save(folder / name, {"pose": asdict(entry.pose), **about})
+        panorama.save(folder / name, {**entry.about, "pose": asdict(entry.pose)})
         size_px, on_grid = panorama.cylinder.shape[1::-1], entry.grid is not None
         heading_deg = math.degrees(entry.pose.yaw_rad)
         mm = [1e3 * v for v in (*entry.pose.xy_m.tolist(), panorama.rig.camera_height_m)]

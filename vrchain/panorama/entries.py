@@ -25,7 +25,7 @@ class DatabaseEntry:
     ground. pitch_rad (middle looks up), roll_rad (right side goes down): None where not told.
     source: how the picture is to be read, as far as the database tells. floor, room:
     only positions on one floor have one frame. grid: the cell, where the positions are a grid.
-    more: what else its row says.
+    more: what else its row says; about: what is known of its panorama, as ``Imported`` has it.
     """
 
     file: Path
@@ -39,6 +39,7 @@ class DatabaseEntry:
     room: int = 0
     grid: tuple[int, int, int] | None = None
     more: Mapping[str, str] = field(default_factory=dict)
+    about: Mapping[str, object] = field(default_factory=dict)
 
 
 def panorama_of(
@@ -61,14 +62,13 @@ def source_of(entry: DatabaseEntry, asked: Source | None = None) -> Source:
         for name, rad in (("pitch", entry.pitch_rad), ("roll", entry.roll_rad))
         if rad is not None
     }
-    height_m = entry.height_m or CameraRig.camera_height_m
-    told = replace(entry.source, camera_height_m=height_m, **tilt)
+    told = replace(entry.source, camera_height_m=entry.height_m, **tilt)
     if asked is None:
         return told
     default = Source()
     chosen = {f.name: getattr(asked, f.name) for f in fields(Source)}
     said = {name: v for name, v in chosen.items() if v != getattr(default, name)}
-    return replace(told, **said | {"camera_height_m": asked.camera_height_m})
+    return replace(told, **said)
 
 
 def opened(
@@ -76,18 +76,26 @@ def opened(
     source: Source | None = None,
     upsampled: list[float] | None = None,
 ) -> Iterator[tuple[DatabaseEntry, Panorama]]:
-    """Entries with their panoramas, all in the rig of the first. upsampled: gets each one's."""
+    """Entries with their panoramas, all in the rig of the first. upsampled: gets each one's.
+
+    ImageError for a panorama of ours with a source: it is as it is.
+    """
     rig = None
     for entry in entries:
         if entry.own:
-            panorama = Panorama.load(entry.file)
+            if source not in (None, Source()):
+                raise ImageError(
+                    f"{entry.file}: is a panorama already, which is taken as it is: leave out how "
+                    "pictures are to be read"
+                )
+            panorama, about = Panorama.load(entry.file), read_json(entry.file / MARKER)
         else:
             imported = import_panorama(entry.file, source_of(entry, source), rig)
-            panorama = imported.panorama
+            panorama, about = imported.panorama, imported.about
             if upsampled is not None:
                 upsampled.append(imported.upsampled)
         rig = rig or panorama.rig
-        yield entry, panorama
+        yield replace(entry, about=about), panorama
 
 
 def on_floor(entries: Sequence[DatabaseEntry], floor: str | None) -> list[DatabaseEntry]:

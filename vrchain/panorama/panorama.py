@@ -220,10 +220,11 @@ def _view(coded: bytes, rig: CameraRig) -> NDArray[np.uint8]:
 
 def _seen(content: bytes, rig: CameraRig, what: str) -> NDArray[np.bool_]:
     """What is seen, of its PNG's bytes: (n_views, height_px, width_px)."""
-    shown = decode_image(content, what)[..., 0] > 127
-    if shown.shape != (rig.n_views * rig.height_px, rig.width_px):
-        raise ImageError(f"{what}: what is seen has another size than the rig's views together")
-    return shown.reshape(rig.n_views, rig.height_px, rig.width_px)
+    if size_of(content, what) == (rig.width_px, rig.n_views * rig.height_px):
+        shown = decode_image(content, what)[..., 0] > 127
+        if shown.shape == (rig.n_views * rig.height_px, rig.width_px):  # metadata may turn it
+            return shown.reshape(rig.n_views, rig.height_px, rig.width_px)
+    raise ImageError(f"{what}: what is seen has another size than the rig's views together")
 
 
 def pack(

@@ -24,7 +24,7 @@ from vrchain.panorama.resampling import (
     shrunk,
     tilted,
 )
-from vrchain.panorama.rig import CameraRig
+from vrchain.panorama.rig import MOST_SIDE_PX, CameraRig
 
 _COLUMNS = 256, 4096  # a full turn: nothing is recognised on fewer, and more only take longer
 
@@ -141,10 +141,12 @@ def _own_ring(images: Sequence[NDArray[np.uint8]], source: Source) -> Panorama |
     n, wide_deg = len(images), source.field_of_view_deg or 0.0
     changed = source.calibration or source.bearings_deg
     alike = len({image.shape for image in images}) == 1
+    height_px, width_px = images[0].shape[:2]
     if changed or source.columns or not alike or n < 2 or not 360 <= n * wide_deg <= n * 120:
         return None
-    height_px, width_px = images[0].shape[:2]
-    rig = CameraRig(n, width_px, height_px, wide_deg, source.camera_height_m)
+    if max(height_px, width_px) > MOST_SIDE_PX:
+        return None  # they are made smaller
+    rig = CameraRig(n, width_px, height_px, wide_deg, source.height_m)
     return Panorama(rig, np.stack(images))
 
 
@@ -162,6 +164,6 @@ def _panorama(
                 f"{what}: expected {_COLUMNS[0]} pixels or more around, got {columns:.0f}, on "
                 "which nothing is recognised: --columns takes it all the same"
             )
-        rig = rig_for(columns / (2 * np.pi), source.camera_height_m, max(sharp.reach, 0.1))
+        rig = rig_for(columns / (2 * np.pi), source.height_m, max(sharp.reach, 0.1))
     smaller = shrunk(cameras, rig.px_per_rad / sharp.across)
     return resampled(smaller, rig), rig.px_per_rad / min(sharp.across, sharp.along)

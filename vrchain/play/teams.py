@@ -37,7 +37,7 @@ def team(scene: Scene, robots: Mapping[str, Pose] | None = None, goal: str | Non
     def draw(without: tuple[str, ...]) -> Shown:
         left = _without(seen, {names[one] for one in without} - {goal})
         chain = shortest_chain(list(robots), left, goal)
-        figure = chain_map(scene, robots, left, chain or [next(iter(robots))])
+        figure = chain_map(scene, robots, left, chain or [next(iter(robots))], labels)
         crossed = f"Without {', '.join(without)}: " if without else ""
         if chain is None:
             figure.axes[0].set_title(f"no chain leads to the {goal}")

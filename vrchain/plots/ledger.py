@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from matplotlib.patches import FancyBboxPatch
 from matplotlib.ticker import MaxNLocator, NullFormatter, NullLocator
 
+from vrchain.errors import LedgerError
 from vrchain.experiments.ledger.size import KEEP, LAYOUTS, TEAM, TOGETHER
 from vrchain.experiments.ledger.transmission import WAYS
 from vrchain.ledger import Entry, Transaction
@@ -43,7 +44,9 @@ _SHORT = {
 
 
 def ledger_figure(entries: Sequence[Entry], title: str = "The ledger's first blocks") -> Figure:
-    """Blocks from left to right; in each, every robot's newest transaction."""
+    """Blocks from left to right; in each, every robot's newest transaction. LedgerError: none."""
+    if not entries:
+        raise LedgerError("expected entries of a ledger to draw, got none")
     robots = [robot for robot, _ in entries[-1].block.newest]
     figure, axes = panels(
         2.05 * len(entries) + 0.2, 2.15 + 0.42 * len(robots), print_cm=SIDEWAYS_CM
@@ -121,7 +124,9 @@ def _draw_block(
         y = 0.1 + _ROW * (len(robots) - 1 - number)
         transaction = known.get(newest.get(robot, NO_TRANSACTION))
         is_new = transaction is not None and transaction.id in brought
-        text, ink, edge = f"{robot}: nothing yet", "#999999", "#cccccc"
+        none_yet = newest.get(robot, NO_TRANSACTION) == NO_TRANSACTION
+        text = f"{robot}: {'nothing yet' if none_yet else 'an earlier one'}"
+        ink, edge = "#999999", "#cccccc"
         if transaction is not None:
             text = f"{robot} no. {transaction.sequence} ({transaction.reason})"
             ink, edge = "white" if is_new else colour, colour

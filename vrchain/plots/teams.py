@@ -57,16 +57,22 @@ def chain_of(robots: Sequence[str], sightings: Sightings, goal: str | None) -> l
 
 
 def chain_map(
-    scene: Scene, robots: Mapping[str, Pose], sightings: Sightings, chain: Sequence[str]
+    scene: Scene,
+    robots: Mapping[str, Pose],
+    sightings: Sightings,
+    chain: Sequence[str],
+    labels: Mapping[str, str] | None = None,
 ) -> Figure:
     """The map: who stands where, what each sees, and the chain to the last of ``chain``.
 
     chain: robots and landmarks in turn, as ``chain_of`` gives them. MissionError for none.
+    labels: of landmarks, if they are not to be counted anew.
     """
     _check_chain(chain)
     figure, axes = panels(8.6, 8.8)
     draw_ground(axes, scene)
-    labels = sightings.labels()
+    own = sightings.labels()
+    labels = {name: (labels or own)[name] for name in own}
     places = {name: pose.xy_m for name, pose in robots.items()}
     seen = {n for names in sightings.visible.values() for n in names}
     for thing in (o for o in scene.objects if o.landmark):

@@ -19,6 +19,7 @@ from vrchain.panorama.calibrations import OPTICAL, lens_of
 from vrchain.panorama.models import Lens, pinhole
 from vrchain.panorama.resampling import REACH, Source, drawn, rig_for, sources_of, tilted
 from vrchain.panorama.resampling import Camera as Mounted
+from vrchain.panorama.rig import MOST_SIDE_PX
 from vrchain.ros.messages import rgb_of
 
 Array = NDArray[np.float64]
@@ -211,7 +212,7 @@ def _own_rig(ordered: Sequence[Camera], height_m: float) -> CameraRig | None:
     first, n = ordered[0].lens, len(ordered)
     width_px, height_px = first.size_px
     degrees = round(float(np.degrees(2 * np.arctan(width_px / 2 / first.focal_px[0]))), 6)
-    if n * degrees < 360 or not 5 <= degrees <= 120:
+    if n * degrees < 360 or not 5 <= degrees <= 120 or max(first.size_px) > MOST_SIDE_PX:
         return None
     rig = CameraRig(n, width_px, height_px, degrees, height_m)
     x_px, y_px = np.meshgrid(np.arange(rig.width_px), np.arange(rig.height_px))

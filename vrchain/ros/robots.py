@@ -113,7 +113,7 @@ def load_rig(path: Path | None) -> Mapping[str, Any]:
         return {}
     try:
         told = load_yaml(path.read_text())
-    except (OSError, yaml.YAMLError, UnicodeDecodeError) as error:
+    except (OSError, yaml.YAMLError, ValueError, KeyError, OverflowError, RecursionError) as error:
         raise BagError(f"cannot read the rig {path}: {error}") from error
     if not isinstance(told, dict) or not {*told} <= _KEYS:
         raise BagError(f"{path}: expected a rig of {', '.join(sorted(_KEYS))}, got {told!r:.80}")

@@ -207,6 +207,23 @@ def test_what_another_member_signs_beside_the_chain_holds_up_nobody(
         assert r1.trouble == {}
 
 
+def test_whatever_goes_wrong_with_following_is_told_and_does_not_end_it(
+    address: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with making(address, tmp_path / "maker"), robot_at(address, tmp_path / "R1") as r1:
+        r1.wait_until_followed(PATIENCE_S)
+
+        def broken() -> list[tuple[str, bytes]]:
+            raise FileNotFoundError("gone")
+
+        monkeypatch.setattr(r1.post, "heads", broken)
+        eventually(lambda: "gone" in str(r1.trouble.get("_follow", "")))
+        monkeypatch.undo()
+        eventually(lambda: not r1.trouble)
+        r1.publish("R1", KEYS["R1"], b"goes on", "view", 60)
+        r1.wait(timeout_s=PATIENCE_S)
+
+
 def test_who_has_to_connect_anew_hears_again(address: str, tmp_path: Path) -> None:
     """As when servers answer by an error that their client gives up at."""
     reader = stream_of(address)

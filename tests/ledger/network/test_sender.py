@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 from vrchain.cli import app
 from vrchain.ledger import Ledger, Offer, Transaction, errors, verify
 from vrchain.ledger.cluster.servers import Cluster
+from vrchain.ledger.network import sender as sender_module
 from vrchain.ledger.network.message import pack_refusal
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.outbox import Outbox, offer_in, refused_in
@@ -28,6 +29,7 @@ class Office:
     def __init__(self) -> None:
         self.offers: list[Offer] = []
         self.told: list[bytes] = []
+        self.held = 0  # of what was sent, that waits for a maker
 
     def offer(self, robot: str, offer_id: bytes, data: bytes) -> None:
         self.offers.append(offer_in(data))
@@ -38,7 +40,7 @@ class Office:
         return told
 
     def offers_of(self, robot: str) -> int:
-        raise AssertionError
+        return self.held
 
     def say(self, head: bytes) -> None:
         raise AssertionError
@@ -107,6 +109,44 @@ def test_what_follows_a_refused_one_is_signed_anew_and_valid(
     ledger.append_many([Offer(signed[0], b"0"), *office.offers], "R2", KEYS["R2"])
     sender.hand_on(ledger)
     assert outbox.count() == 0 and len(office.offers) == 2
+
+
+def test_what_waits_with_the_servers_is_not_sent_again(
+    sender: Sender, outbox: Outbox, office: Office, ledger: Ledger, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a maker; servers forget after two minutes that they know an offer."""
+    monkeypatch.setattr(sender_module, "_AGAIN_S", 0.0)
+    fill(outbox, ledger)
+    for held in (4, 4, 2):
+        sender.hand_on(ledger)
+        office.held = held
+    assert len(office.offers) == 4
+    sender.hand_on(ledger)  # two of them were lost, or are in a block that has not come yet
+    assert [offer.payload for offer in office.offers[4:]] == [b"2", b"3"]
+
+
+def test_what_was_set_aside_is_told_though_nobody_knows_why(
+    sender: Sender, outbox: Outbox, office: Office, ledger: Ledger
+) -> None:
+    signed = fill(outbox, ledger, 1)
+    sender.hand_on(ledger)
+    refuse(office, signed[0])
+    sender.hand_on(ledger)
+    (why,) = (outbox.folder / "refused").glob("*.why")
+    why.unlink()
+    assert refused_in(outbox.folder.parent) == [("R1", 2, "")]
+
+
+def test_a_copy_in_its_place_is_known(outbox: Outbox, tmp_path: Path) -> None:
+    """With the numbers of the files that were there, as it happens on ext4."""
+    outbox.folder.with_name("ledger.sqlite").touch()
+    outbox.settle()
+    assert not outbox.is_moved
+    told = outbox._place().split()
+    (outbox.folder / "lock").unlink()
+    outbox.close()
+    with Outbox(outbox.folder.parent) as again:
+        assert again._place().split()[:4] == told[:4] and again.is_moved
 
 
 def test_without_the_key_what_follows_is_set_aside_too_and_told(

@@ -3,13 +3,16 @@
 import contextlib
 import json
 import os
+import shutil
 import signal
 import socket
+import stat
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from dataclasses import replace
+from contextlib import closing
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
@@ -22,12 +25,14 @@ from vrchain.cli import app, ledger_keys
 from vrchain.ledger import Ledger, errors, simulated_key, verify
 from vrchain.ledger.cluster import servers as module
 from vrchain.ledger.cluster.config import Users, server_config
+from vrchain.ledger.cluster.monitor import asked
 from vrchain.ledger.cluster.servers import CONFIGURED, MARKER, Cluster, find_server
 from vrchain.ledger.network.connection import Connection, Servers, nkey, token
 from vrchain.ledger.network.log import put
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
-from vrchain.ledger.network.stream import Stream, set_up
+from vrchain.ledger.network.set_up import set_up
+from vrchain.ledger.network.stream import Stream
 from vrchain.ledger.rules.limits import UNLIMITED
 
 USERS = Users(OPERATOR_KEY.public, {n: k.public for n, k in KEYS.items()}, frozenset({"R2"}))
@@ -459,7 +464,81 @@ def test_the_configuration_of_real_servers(folder: Path, tmp_path: Path) -> None
     config = json.loads((tmp_path / "out" / "n2.conf").read_text())
     assert config["tls"]["cert_file"] == "/etc/vrchain/n2.crt"
     assert config["cluster"]["tls"]["verify"] and config["max_payload"] == 8 << 20
+    assert config["https"] == "10.0.0.2:8222" and "authorization" not in config["cluster"]
     assert len(config["accounts"]) == 4
+
+
+def test_no_server_joins_that_does_not_know_the_others_secret(tmp_path: Path) -> None:
+    """Its clients could write blocks, whoever they are."""
+    skip_without_servers()
+    cluster = Cluster.make(tmp_path / "servers", 3, USERS)
+    assert {stat.S_IMODE(f.stat().st_mode) for f in cluster.folder.iterdir()} == {0o600}
+    first = cluster.nodes[0]
+    stranger = {
+        "server_name": "x", "listen": "127.0.0.1:-1",
+        "cluster": {"name": "vrchain", "listen": "127.0.0.1:-1",
+                    "routes": [f"nats://{first.host}:{first.route_port}"]},
+    }  # fmt: skip
+    (tmp_path / "x.conf").write_text(json.dumps(stranger))
+    with cluster.running(OPERATOR_KEY, "operator"):
+        log = tmp_path / "x.log"
+        other = subprocess.Popen([find_server(), "-c", tmp_path / "x.conf", "-l", log])
+        try:
+            eventually(lambda: log.exists() and "Authorization Violation" in log.read_text())
+        finally:
+            other.kill()
+            other.wait()
+        routed = {r["remote_name"] for r in asked(first, "routez")["routes"]}
+        assert routed == {"n2", "n3"}
+    assert Cluster.load(cluster.folder).secret == cluster.secret != ""
+
+
+def test_servers_over_tls_say_how_they_are_and_keep_what_they_were_told(
+    folder: Path, tmp_path: Path
+) -> None:
+    skip_without_servers()
+    if shutil.which("openssl") is None:
+        pytest.skip("openssl is not installed, which makes the certificates")
+    made = tmp_path / "certificates"
+    made.mkdir()
+    names = ["-addext", "subjectAltName=IP:127.0.0.1", "-subj", "/CN=n1", "-days", "2", "-nodes"]
+    files = ["-keyout", made / "n1.key", "-out", made / "n1.crt"]
+    subprocess.run(
+        ["openssl", "req", "-x509", "-newkey", "rsa:2048", *names, *files],
+        check=True,
+        capture_output=True,
+    )
+    shutil.copy(made / "n1.crt", made / "ca.crt")
+    out, store = tmp_path / "out", tmp_path / "store"
+    words = configured(out, folder, "n1=127.0.0.1")
+    said(*words, "--certificates", made, "--store", store)
+    config = json.loads((out / "n1.conf").read_text())
+    cluster = Cluster.load(out, CONFIGURED)
+    free = [socket.create_server(("127.0.0.1", 0)) for _ in range(2)]
+    port, monitor = (s.getsockname()[1] for s in free)
+    [s.close() for s in free]
+    config |= {"listen": f"127.0.0.1:{port}", "https": f"127.0.0.1:{monitor}"}
+    (out / "n1.conf").write_text(json.dumps(config))
+    node = replace(cluster.nodes[0], port=port, monitor_port=monitor)
+    told = {"nodes": [asdict(node)], "ca": cluster.ca}
+    (out / CONFIGURED).write_text(json.dumps(told))
+    address = f"tls://127.0.0.1:{port}"
+    server = subprocess.Popen([find_server(), "-c", out / "n1.conf", "-l", tmp_path / "log"])
+    try:
+        eventually(lambda: Cluster.load(out, CONFIGURED).status()[0]["runs"])
+        put_it = ["cluster", "put", folder, address, "--simulated", 0, "--ca", made / "ca.crt"]
+        said(*put_it, "--max-gb", "0.5")
+        said(*put_it)  # as when they have lost some
+        assert "n1" in said("cluster", "status", "-o", out)
+        with closing(Stream(Connection(Servers.at(
+            address, key=OPERATOR_KEY, name="operator", ca=made / "ca.crt"
+        )))) as stream:  # fmt: skip
+            config = stream.connection.run(lambda client: client.jetstream().stream_info("block"))
+            assert config.config.max_bytes == 500_000_000 and config.config.num_replicas == 1
+        assert "give --ca" in said("cluster", "status", "-o", out, "--ca", "none", status=1)
+    finally:
+        server.kill()
+        server.wait()
 
 
 def configured(out: Path, ledger: Path, *servers: str) -> list[object]:

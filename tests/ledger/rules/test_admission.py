@@ -9,6 +9,7 @@ from ledgers import KEYS, OPERATOR_KEY, garbage
 from vrchain.errors import LedgerError
 from vrchain.ledger import Admission, Ledger, Limits, Transaction, errors, verify
 from vrchain.ledger.records.keys import PublicKey
+from vrchain.ledger.rules.limits import Bucket
 
 SECOND = 1_000_000_000
 
@@ -97,6 +98,15 @@ def test_age_is_no_fault(ledger: Ledger, clock: Clock) -> None:
     back = replace(old, sequence=1, timestamp_ns=old.timestamp_ns - 1, previous=old.id)
     with pytest.raises(errors.TimeOrderError, match="set its clock"):
         admission.admit(replace(back, signature=b"").signed(KEYS["R1"]).record, b"payload")
+
+
+def test_a_clock_that_is_set_right_earns_from_then_on() -> None:
+    """For twelve hours a robot could publish no more than its burst."""
+    ahead_ns = 12 * 3600 * SECOND
+    bucket = Bucket(1.0, 10, ahead_ns, 10)
+    bucket.take(10)
+    assert bucket.fill(0) == 0
+    assert bucket.fill(5 * SECOND) == 5
 
 
 def test_nobody_can_use_up_anothers_rate(ledger: Ledger, clock: Clock) -> None:

@@ -13,7 +13,7 @@ from vrchain.ledger.network.connection import API, nkey, token
 from vrchain.ledger.network.stream import BLOCKS, HEADS, MAKER, OFFERS, REFUSED, SAID
 from vrchain.ledger.records.keys import PublicKey
 
-CLUSTER_NAME = "vrchain"
+CLUSTER_NAME, _SERVER = "vrchain", "server"
 _MAPPINGS = {f"{API}.>": "$JS.API.>"}
 _LEDGER = "ledger"  # the account that holds the streams
 _ASKED = (
@@ -49,6 +49,11 @@ class Tls:
     certificate: Path
     key: Path
     authority: Path
+
+    @classmethod
+    def of(cls, folder: Path, name: str) -> "Tls":
+        """Those of a server in a folder of NAME.crt, NAME.key and ca.crt."""
+        return cls(folder / f"{name}.crt", folder / f"{name}.key", folder / "ca.crt")
 
 
 @dataclass(frozen=True)
@@ -115,26 +120,31 @@ def server_config(
     store: Path,
     users: Users | None = None,
     tls: Tls | None = None,
+    secret: str = "",
 ) -> str:
     """The configuration file of one of several servers.
 
-    Without ``users`` anyone who reaches it may do anything: for one machine and tests.
+    Without ``users`` anyone who reaches it may do anything: for one machine and tests. ``secret``:
+    by which servers know each other where they have no certificates, of letters and digits.
     """
     config: dict[str, Any] = {
         "server_name": node.name,
         "listen": node.address,
-        "http": f"{node.host if tls is None else '127.0.0.1'}:{node.monitor_port}",
+        "http" if tls is None else "https": f"{node.host}:{node.monitor_port}",
         "max_payload": 8 << 20,
         "write_deadline": "10s",
         "jetstream": {"store_dir": str(store), "sync_interval": "always"},
     }
     if len(nodes) > 1:
+        own = f"{_SERVER}:{secret}@" if secret and tls is None else ""
         config["cluster"] = {
             "name": CLUSTER_NAME,
             "listen": f"{node.host}:{node.route_port}",
             "no_advertise": True,  # robots use the addresses that they are given
-            "routes": [f"nats://{other.host}:{other.route_port}" for other in nodes],
+            "routes": [f"nats://{own}{other.host}:{other.route_port}" for other in nodes],
         }
+        if own:  # or whoever reaches this port is a server, and a server may do anything
+            config["cluster"]["authorization"] = {"user": _SERVER, "password": secret}
     config |= {"mappings": _MAPPINGS} if users is None else {"accounts": users.accounts()}
     if tls is not None:
         files = {"cert_file": str(tls.certificate), "key_file": str(tls.key)}

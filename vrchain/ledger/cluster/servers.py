@@ -4,15 +4,15 @@ import contextlib
 import json
 import os
 import re
+import secrets
 import shutil
 import signal
 import socket
+import ssl
 import subprocess
 import sys
 import threading
 import time
-import urllib.error
-import urllib.request
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -21,9 +21,10 @@ from typing import Any
 from vrchain.extras import require
 from vrchain.files import check_output_folder, write_file
 from vrchain.ledger.cluster.config import Node, Users, server_config
+from vrchain.ledger.cluster.monitor import asked, row_of
 from vrchain.ledger.errors import ClusterError, UnavailableError
 from vrchain.ledger.network.connection import OLDEST_SERVER, Connection, Servers
-from vrchain.ledger.network.stream import set_up
+from vrchain.ledger.network.set_up import MOST_REPLICAS, set_up
 from vrchain.ledger.records.keys import SigningKey
 
 MARKER = "cluster.json"  # of servers that run on this machine
@@ -71,12 +72,20 @@ def server_version(path: str) -> tuple[int, ...]:
 class Cluster:
     """Servers of which everything is in one folder: configurations, stores, logs, who runs.
 
-    ledger_id: of the ledger whose members they let in, empty for anyone.
+    ledger_id: of the ledger whose members they let in, empty for anyone. ca: certificates to trust
+    of servers that are asked over TLS. secret: by which the servers know each other.
     """
 
-    def __init__(self, folder: Path, nodes: Sequence[Node], ledger_id: str = "") -> None:
+    def __init__(
+        self,
+        folder: Path,
+        nodes: Sequence[Node],
+        ledger_id: str = "",
+        ca: str | None = None,
+        secret: str = "",
+    ) -> None:
         self.folder, self.nodes = folder.absolute(), tuple(nodes)
-        self.ledger_id = ledger_id
+        self.ledger_id, self.ca, self.secret = ledger_id, ca, secret
 
     @classmethod
     def make(
@@ -101,10 +110,10 @@ class Cluster:
         ports = _free_ports(host, 3 * count)
         numbers = [ports[3 * k : 3 * k + 3] for k in range(count)]
         nodes = [Node(f"n{k + 1}", host, *own) for k, own in enumerate(numbers)]
-        made = cls(folder, nodes, ledger_id)
+        made = cls(folder, nodes, ledger_id, secret=secrets.token_hex(16))
         made._configure(users)
         told = {"ledger": ledger_id, "nodes": [asdict(node) for node in made.nodes]}
-        write_file(made.folder / MARKER, json.dumps(told, indent=2).encode())
+        _write(made.folder / MARKER, json.dumps(told | {"secret": made.secret}, indent=2))
         return made
 
     @classmethod
@@ -115,7 +124,9 @@ class Cluster:
         """
         try:
             told = json.loads((folder / marker).read_text(encoding="utf-8"))
-            return cls(folder, [Node(**node) for node in told["nodes"]], told.get("ledger", ""))
+            nodes = [Node(**node) for node in told["nodes"]]
+            more = told.get("ledger", ""), told.get("ca"), told.get("secret", "")
+            return cls(folder, nodes, *more)
         except (OSError, ValueError, KeyError, TypeError):
             command = "config" if marker == CONFIGURED else "up"
             raise ClusterError(
@@ -141,9 +152,9 @@ class Cluster:
         running = [(node, pid) for node in self.nodes if (pid := self.process(node.name))]
         for _ in range(2):  # NATS sets up what a new account imports the second time
             for node, pid in running:
-                read_at, until_s = _asked(node, _VARZ).get(_READ_AT), time.monotonic() + _START_S
+                read_at, until_s = asked(node, _VARZ).get(_READ_AT), time.monotonic() + _START_S
                 _send(pid, signal.SIGHUP)
-                while _asked(node, _VARZ).get(_READ_AT) in (None, read_at):
+                while asked(node, _VARZ).get(_READ_AT) in (None, read_at):
                     if time.monotonic() > until_s:
                         raise UnavailableError(
                             f"the server {node.name} has not read its configuration again after "
@@ -171,7 +182,7 @@ class Cluster:
         """Until these servers, or all, say that they serve. UnavailableError."""
         until_s = time.monotonic() + timeout_s
         for node in self._named(names):
-            while _asked(node, "healthz").get("status") != "ok":
+            while asked(node, "healthz").get("status") != "ok":
                 if self.process(node.name) is None:
                     raise ClusterError(f"the server {node.name} has ended: {self._last(node.name)}")
                 if time.monotonic() > until_s:
@@ -192,7 +203,7 @@ class Cluster:
             until_s = time.monotonic() + _START_S
             while True:
                 try:
-                    return set_up(connection, len(self.nodes))
+                    return set_up(connection, min(MOST_REPLICAS, len(self.nodes)))
                 except (UnavailableError, ClusterError):  # as they choose who leads
                     if time.monotonic() > until_s:
                         raise
@@ -225,13 +236,19 @@ class Cluster:
         return pid if own and _runs(pid) else None
 
     def status(self) -> list[dict[str, Any]]:
-        """One row a server: what it says of itself and of the ledger's streams."""
-        return [_row(node) for node in self.nodes]
+        """One row a server: what it says of itself and of the ledger's streams. ClusterError."""
+        try:
+            trusts = None if self.ca is None else ssl.create_default_context(cafile=self.ca)
+        except (OSError, ssl.SSLError) as error:
+            raise ClusterError(
+                f"cannot read the certificates {self.ca}: {error}; give --ca"
+            ) from None
+        return [row_of(node, trusts) for node in self.nodes]
 
     def traffic(self) -> tuple[int, int]:
         """Messages, and bytes in them, that servers have exchanged with clients and each other."""
-        told = [_asked(node, _VARZ) for node in self.nodes]
-        routes = [r for node in self.nodes for r in _asked(node, "routez").get("routes") or []]
+        told = [asked(node, _VARZ) for node in self.nodes]
+        routes = [r for node in self.nodes for r in asked(node, "routez").get("routes") or []]
 
         def sum_of(what: str) -> int:  # what servers say to each other, two of them have counted
             both = sum(server[f"{way}_{what}"] for server in told for way in ("in", "out"))
@@ -251,8 +268,9 @@ class Cluster:
 
     def _configure(self, users: Users | None) -> None:
         for node in self.nodes:
-            config = server_config(node, self.nodes, self.folder / node.name, users)
-            write_file(self.folder / f"{node.name}.conf", config.encode())
+            store = self.folder / node.name
+            config = server_config(node, self.nodes, store, users, secret=self.secret)
+            _write(self.folder / f"{node.name}.conf", config)
 
     def _last(self, name: str) -> str:
         """The last that a server has said."""
@@ -309,6 +327,12 @@ def _send(pid: int, number: int) -> None:
         os.kill(pid, number)
 
 
+def _write(path: Path, text: str) -> None:
+    """A file that its owner alone reads."""
+    write_file(path, text.encode())
+    path.chmod(0o600)
+
+
 def _free_ports(host: str, count: int) -> list[int]:
     """Below those that the system gives to connections: one might take a dead server's port."""
     found: list[int] = []
@@ -320,30 +344,3 @@ def _free_ports(host: str, count: int) -> list[int]:
             if len(found) == count:
                 return found
     raise ClusterError(f"expected {count} free ports on {host}, got {len(found)}")
-
-
-def _asked(node: Node, path: str) -> dict[str, Any]:
-    """What a server's monitor says, nothing if it does not answer."""
-    try:
-        url = f"http://{node.host}:{node.monitor_port}/{path}"
-        with urllib.request.urlopen(url, timeout=5) as answer:
-            return json.load(answer)
-    except urllib.error.HTTPError as error:
-        with contextlib.suppress(ValueError):
-            return json.load(error)
-    except (OSError, ValueError):
-        pass
-    return {}
-
-
-def _row(node: Node) -> dict[str, Any]:
-    told = _asked(node, "jsz?streams=true")
-    row: dict[str, Any] = {"server": node.name, "address": node.address, "runs": bool(told)}
-    accounts = told.get("account_details") or [{}]
-    for stream in accounts[0].get("stream_detail") or []:
-        state, cluster = stream["state"], stream.get("cluster") or {}
-        name = stream["name"]
-        row |= {f"{name}_messages": state["messages"], f"{name}_last": state["last_seq"]}
-        row |= {f"{name}_mb": state["bytes"] / 1e6, f"{name}_deleted": state.get("num_deleted", 0)}
-        row |= {f"{name}_leads": cluster.get("leader") == node.name}
-    return row

@@ -33,6 +33,7 @@ from vrchain.ledger.rules.limits import Limits
 
 _GAP_S, _LONG_GAP_S, _GAP_TRIES = 0.1, 5.0, 20  # what is left out comes soon, or may never come
 _LATER_S = {SequenceGapError: _GAP_S, RateLimitError: 0.5, QueueFullError: 0.5, ClockSkewError: 5.0}
+_AROUND = 1024  # bytes of a message around what it holds
 _MOST_TRIES = 600  # then it is let go, whatever it waits for: its robot sends it again
 _FOR_GOOD = EncodingError, RecordError, InputLimitError, InvalidError
 
@@ -108,6 +109,11 @@ class Maker:
         return waiting
 
     def _admit(self, offer: Waiting) -> Transaction:
+        most = self.limits.record_bytes + self.limits.blob_bytes + _AROUND
+        if len(offer.data) > most:  # before it takes the time to read it
+            raise InputLimitError(
+                f"expected an offer of {most} bytes or less, got {len(offer.data)}"
+            )
         record, payload, *landmarks = unpack_offer(offer.data)
         robot = Transaction.decode(record).robot
         if robot != offer.robot:

@@ -1,5 +1,6 @@
 """What a robot has signed and nobody may have taken in yet: durable, in order, in its folder."""
 
+import contextlib
 import fcntl
 import os
 from pathlib import Path
@@ -110,7 +111,9 @@ class Outbox(Closing):
 
     def _place(self) -> bytes:
         found = [path.stat() for path in (self.folder, self.folder.with_name(DATABASE_NAME))]
-        return " ".join(f"{each.st_dev} {each.st_ino}" for each in found).encode()
+        numbers = " ".join(f"{each.st_dev} {each.st_ino}" for each in found)
+        # a copy in its place may get the same numbers, but no copy sets when a file was made
+        return f"{numbers} {os.fstat(self._lock).st_ctime_ns}".encode()
 
 
 def refused_in(folder: Path) -> list[tuple[str, int, str]]:
@@ -118,7 +121,9 @@ def refused_in(folder: Path) -> list[tuple[str, int, str]]:
     found = []
     for path in sorted((folder / OUTBOX_NAME / REFUSED_NAME).glob(f"*{_SUFFIX}")):
         _, name, sequence, _ = path.name.split(".")
-        why = path.with_suffix(_WHY).read_text(errors="replace")
+        why = ""
+        with contextlib.suppress(FileNotFoundError):
+            why = path.with_suffix(_WHY).read_text(errors="replace")
         found.append((name.replace("=", "."), int(sequence), why))
     return found
 

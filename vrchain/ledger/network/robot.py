@@ -202,8 +202,9 @@ class RobotLedger(Replicated):
         while not self._ends.is_set():
             try:
                 part()
-            except LedgerError as error:
-                self.trouble[part.__name__] = error
+            except Exception as error:  # of any kind, or it would end unsaid
+                told = error if isinstance(error, LedgerError) else LedgerError(repr(error))
+                self.trouble[part.__name__] = told
                 self._ends.wait(_RETRY_S)
 
     def _follow(self) -> None:

@@ -19,7 +19,6 @@ from vrchain.ledger.errors import ClusterError, GapError, UnavailableError
 from vrchain.ledger.network.connection import API, Connection, token
 from vrchain.ledger.network.log import Given
 from vrchain.ledger.network.message import (
-    MAX_MESSAGE_BYTES,
     pack_entry,
     unpack_entry,
 )
@@ -32,15 +31,11 @@ if TYPE_CHECKING:
 BLOCKS, OFFERS, MAKER, SAID, HEADS = "block", "offer", "maker", "chain.block", "head"
 REFUSED = "refused"  # what makers tell a robot of its offers
 OFFERS_WAITING = 64  # of one robot, before the servers refuse the next
-OFFERS_BYTES = 1 << 30  # of all robots
-ACK_WAIT_S = 5.0  # after which an offer that a maker took is given out again
-MAKERS = "makers"  # of which one at a time is given offers,
-PINNED_S = 5.0  # until it has asked for none for so long
-DUPLICATES_S = 120.0  # for which servers know a message that they have stored
+MAKERS = "makers"  # of which one at a time is given offers
 _LOOK_S = 2.0  # between two questions for the newest, should what is said be missed
 _LAGS_S = 2.0  # for which a replica may be behind
 _ASKED = 4  # times by way of each server, for a block that some may lack
-_SAID_KEPT = 200  # of what members say of themselves
+_SAID_KEPT, _SAID_BYTES = 200, 1 << 17  # of what members say of themselves, each at most
 _AGAIN_S = 0.4  # until a stream that nobody answered for is asked once more
 _KEPT = 8  # messages that came before those they follow
 
@@ -191,10 +186,14 @@ class Stream:
 
     async def _hear_head(self, message: "Msg") -> None:
         name = message.subject.partition(".")[2].replace("=", ".")
+        if len(message.data) > _SAID_BYTES:
+            return
         with self._news:
             self._said = [*self._said[-_SAID_KEPT:], (name, message.data)]
 
     async def _hear_refusal(self, message: "Msg") -> None:
+        if len(message.data) > _SAID_BYTES:
+            return
         with self._news:
             self._refused = [*self._refused[-_SAID_KEPT:], message.data]
 
@@ -247,48 +246,6 @@ class Stream:
             time.sleep(0.05)
 
 
-def set_up(connection: Connection, replicas: int, max_bytes: int = -1) -> None:
-    """Make the streams of a ledger, or bring what is there up to date. ClusterError.
-
-    ``max_bytes``: that the blocks may take on each server's disk; -1: all of it.
-    """
-    from nats.js import api
-
-    # Before all else: no block is ever deleted, and when there is no room no old one goes.
-    blocks = api.StreamConfig(
-        name=BLOCKS, subjects=[BLOCKS], num_replicas=replicas, storage=api.StorageType.FILE,
-        retention=api.RetentionPolicy.LIMITS, discard=api.DiscardPolicy.NEW, max_bytes=max_bytes,
-        deny_delete=True, deny_purge=True, allow_direct=True, duplicate_window=DUPLICATES_S,
-        republish=api.RePublish(src=BLOCKS, dest=SAID),
-    )  # fmt: skip
-    offers = api.StreamConfig(
-        name=OFFERS, subjects=[f"{OFFERS}.*"], num_replicas=replicas, storage=api.StorageType.FILE,
-        retention=api.RetentionPolicy.WORK_QUEUE, discard=api.DiscardPolicy.NEW,
-        max_msgs_per_subject=OFFERS_WAITING, discard_new_per_subject=True,
-        max_bytes=OFFERS_BYTES, max_msg_size=MAX_MESSAGE_BYTES, duplicate_window=DUPLICATES_S,
-    )  # fmt: skip
-    maker = api.ConsumerConfig(
-        durable_name=MAKER, ack_policy=api.AckPolicy.EXPLICIT, ack_wait=ACK_WAIT_S,
-        max_ack_pending=4 * OFFERS_WAITING,
-    )  # fmt: skip
-
-    # A robot's offers are in order: two makers that got every second one would wait for each other.
-    pinned = {
-        "priority_groups": [MAKERS], "priority_policy": "pinned_client",
-        "priority_timeout": int(PINNED_S * 1e9),
-    }  # fmt: skip
-    asked = {"stream_name": OFFERS, "config": maker.as_dict() | pinned}
-
-    async def add(client: "Client") -> None:
-        stream = client.jetstream(prefix=API, timeout=connection.servers.timeout_s)
-        for config in (blocks, offers):
-            made = stream.add_stream(config)
-            await connection.permitted(f"{API}.STREAM.CREATE.{config.name}", made)
-        await _ask(client, f"CONSUMER.DURABLE.CREATE.{OFFERS}.{MAKER}", asked)
-
-    connection.run(add, 3 * connection.servers.timeout_s)
-
-
 def _read(data: bytes, height: int) -> Given:
     try:
         given = unpack_entry(data)
@@ -305,12 +262,13 @@ def _readable(data: bytes | None, height: int) -> Given | None:
 
 
 async def _info(client: "Client", stream: str, subject: str = "") -> dict[str, Any]:
-    return await _ask(
+    return await ask(
         client, f"STREAM.INFO.{stream}", {"subjects_filter": subject} if subject else {}
     )
 
 
-async def _ask(client: "Client", what: str, asked: dict[str, Any]) -> dict[str, Any]:
+async def ask(client: "Client", what: str, asked: dict[str, Any]) -> dict[str, Any]:
+    """What JetStream answers to a request of its API. APIError."""
     from nats.js.errors import APIError
 
     answer = await client.request(f"{API}.{what}", json.dumps(asked).encode(), timeout=5)

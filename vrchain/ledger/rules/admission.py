@@ -41,14 +41,14 @@ class Made(NamedTuple):
 class Admission:
     """The door of one ledger. ``clock`` gives the present time, integer nanoseconds.
 
-    Call ``admit`` for each transaction that comes, and ``make_block`` whenever ``due``.
+    Call ``admit`` for each transaction that comes, and then ``make_block``.
     """
 
     def __init__(
         self, ledger: Ledger, clock: Callable[[], int], limits: Limits | None = None
     ) -> None:
         self._ledger, self._clock, self.limits = ledger, clock, limits or Limits()
-        self._queue: deque[tuple[int, Offer]] = deque()  # (when it came, what)
+        self._queue: deque[Offer] = deque()
         self._queued_bytes = 0
         self._last: dict[str, Transaction] = {}  # of each robot, the last that waits
         self._buckets: dict[str, _Rate] = {}  # members only: there are no more than members
@@ -79,7 +79,7 @@ class Admission:
         check_transaction(transaction, members[robot], last)
         offer = Offer(transaction, payload, landmarks)
         rate.charge(size)
-        self._queue.append((now_ns, offer))
+        self._queue.append(offer)
         self._queued_bytes += size
         self._last[robot] = transaction
         return transaction
@@ -88,13 +88,13 @@ class Admission:
         """The next block's transactions, in the order in which they came; they wait no more."""
         taken, room = list[Offer](), self.limits.block_bytes
         while self._queue and len(taken) < self.limits.block_length:
-            size = self._queue[0][1].size
+            size = self._queue[0].size
             if taken and size > room:
                 break
             room -= size
             self._queued_bytes -= size
-            taken.append(self._queue.popleft()[1])
-        self._last = {offer.transaction.robot: offer.transaction for _, offer in self._queue}
+            taken.append(self._queue.popleft())
+        self._last = {offer.transaction.robot: offer.transaction for offer in self._queue}
         return taken
 
     def make_block(self, author: str, key: SigningKey) -> Made:
@@ -121,7 +121,7 @@ class Admission:
         return Made(None, [], refused)
 
     def _knows(self, transaction_id: bytes) -> bool:
-        queued = any(offer.transaction.id == transaction_id for _, offer in self._queue)
+        queued = any(offer.transaction.id == transaction_id for offer in self._queue)
         return queued or self._ledger.holds(transaction_id)
 
     def _sort_out(

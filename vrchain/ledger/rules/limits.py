@@ -34,10 +34,9 @@ class Bucket:
         self._filled_ns, self.level = now_ns, level
 
     def fill(self, now_ns: int) -> float:
-        """The level now. A clock that was set back fills nothing."""
-        if now_ns > self._filled_ns:
-            earned = (now_ns - self._filled_ns) / 1e9 * self._rate_per_s
-            self.level, self._filled_ns = min(self.level + earned, self._burst), now_ns
+        """The level now. As a clock is set back nothing is earned; from then on it is again."""
+        earned = max(0, now_ns - self._filled_ns) / 1e9 * self._rate_per_s
+        self.level, self._filled_ns = min(self.level + earned, self._burst), now_ns
         return self.level
 
     def take(self, amount: float) -> None:
