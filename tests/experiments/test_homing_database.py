@@ -132,6 +132,8 @@ def test_positions_that_form_a_grid_are_known_from_others() -> None:
     near = [(x / 10, y / 10) for x in range(4) for y in range(4)]
     assert grid_spacing_m(entries(near)) == pytest.approx(0.1)
     assert grid_spacing_m(entries(near[:4])) is None
+    for few in (near[:1], near[:2]):  # taken nine times there
+        assert grid_spacing_m(entries(9 * few)) is None
     draws = np.random.default_rng(0).uniform(0, 4, (30, 2))
     assert grid_spacing_m(entries([tuple(p) for p in draws])) is None
     assert grid_spacing_m(entries([(0.3 * k, 0.0) for k in range(12)])) == pytest.approx(0.3)

@@ -58,6 +58,15 @@ def test_remoteness_grows_with_the_distance(method: str) -> None:
         assert remoteness == pytest.approx([0.5, 1.0, 1.5], rel=0.01)
 
 
+@pytest.mark.parametrize("compass", [True, False])
+@pytest.mark.parametrize("method", ["scale", "average landmark vector"])
+def test_by_the_very_same_picture_the_robot_is_home(method: str, compass: bool) -> None:
+    """As on the grid of a database: nothing has changed, so no direction follows."""
+    home = ring_snapshot(HOME)
+    vector = step(method, home, home, 0.0 if compass else None)
+    assert vector is not None and vector.arrived
+
+
 def test_one_of_ones_own(monkeypatch: pytest.MonkeyPatch) -> None:
     module = ModuleType("someone")
     module.ahead = lambda views, heading_rad: HomeVector(0.5, 0.1, 9, False, 1.0)  # type: ignore[attr-defined]

@@ -241,7 +241,7 @@ def summarise(found: pd.DataFrame, grid: Grid = GRID) -> dict[str, dict[str, obj
     """The figures of each method, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
     angular_error_deg, its median, no_answer: over n_starts; return_ratio: over the n_clear of them
-    whose straight way is free; catchment_m: over n_places.
+    whose straight way is free; catchment_m: over those of the n_places that have such starts.
     """
     made = starts(found, grid)
     return {str(method): _summary(own) for method, own in made.groupby("method", sort=False)}

@@ -80,10 +80,9 @@ def evaluate(
 
 def grid_spacing_m(entries: Sequence[DatabaseEntry]) -> float | None:
     """The spacing of the grid that the positions form; None if they form none."""
-    points = np.array([entry.pose.xy_m for entry in entries])
+    points = np.unique([entry.pose.xy_m.round(3) for entry in entries], axis=0)
     if len(points) < _LEAST_GRID:
         return None
-    points = np.unique(points.round(3), axis=0)
     nearest_m = np.sort(cKDTree(points).query(points, k=min(5, len(points)))[0][:, 1:])
     spacing_m = float(np.median(nearest_m[:, 0]))
     even = np.abs(nearest_m[:, :2] - spacing_m) <= _EVEN * spacing_m

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from vrchain.geometry import wrap_angle_rad
-from vrchain.homing.views import HomeVector, Views
+from vrchain.homing.views import HomeVector, Views, at_home
 
 _MOST_SWING_RAD = 1.0  # matches whose bearing changed more, the turn aside, are mistakes
 _LOWEST_SLOPE = -0.5  # what is seen lower is no landmark
@@ -29,13 +29,12 @@ def landmark_vector(views: Views, heading_rad: float | None = None) -> HomeVecto
         return None
     a, b = _directions(now.bearing_rad[fair]), _directions(then.bearing_rad[fair] + heading)
     home = a.mean(axis=0) - b.mean(axis=0)
-    length = float(np.hypot(*home))
-    if length == 0:
-        return None
+    length, remoteness = float(np.hypot(*home)), float(np.median(swing))
+    if length == 0:  # as at home itself
+        return at_home(len(a), remoteness) if remoteness <= _ARRIVED_RAD else None
     across = np.array([-home[1], home[0]]) / length
     std_rad = float(np.sqrt(((a - b) @ across).var() / len(a))) / length
     direction = float(wrap_angle_rad(np.arctan2(home[1], home[0])))
-    remoteness = float(np.median(swing))
     return HomeVector(direction, std_rad, len(a), remoteness <= _ARRIVED_RAD, remoteness)
 
 

@@ -34,6 +34,11 @@ class HomeVector:
     remoteness: float
 
 
+def at_home(n_matches: int, remoteness: float) -> HomeVector:
+    """Arrived, where no direction follows."""
+    return HomeVector(0.0, np.pi, n_matches, True, remoteness)
+
+
 @dataclass(frozen=True, eq=False)
 class Snapshot:
     """What homing keeps of a panorama.

@@ -106,7 +106,7 @@ def share(table: pd.DataFrame, rule: str, p: float, method: str, drives: int) ->
 def test_shares_are_as_the_rules_have_it(table: pd.DataFrame) -> None:
     assert set(table.method) == set(METHODS) and len(table) == 2 * 3 * 5 * 4
     assert (table.n == 40).all() and (table.low <= table.arrives).all()
-    assert (table.arrives <= table.high).all()
+    assert (table.arrives <= table.high).all() and (table.low < table.high).all()
     for rule in planning.RULES:
         for p in planning.PROBABILITIES:
             for method in METHODS:

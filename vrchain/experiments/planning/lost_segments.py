@@ -20,12 +20,13 @@ each robot the target, once for the whole task; it is found out by driving.
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import repeat
+from typing import Any
 
 import numpy as np
 import pandas as pd
 
 from vrchain.errors import MissionError
-from vrchain.experiments.intervals import interval, resampled
+from vrchain.experiments.intervals import Bootstrap
 from vrchain.experiments.planning.wavn import (
     Path,
     Task,
@@ -243,16 +244,16 @@ def shares(drives: pd.DataFrame, *, seed: int) -> pd.DataFrame:
     """
     rows: list[dict[str, object]] = []
     for key, group in drives.groupby(["rule", "p", "method"], sort=False):
-        n_worlds = group.world.nunique()
-        again = resampled(n_worlds, seed, "planning")
+        told = Bootstrap(group.world, "planning", seed)
         for most in (1, 2, 3, MAX_DRIVES):
             arrived = group.drives <= most
-            by_world = arrived.groupby(group.world).mean().to_numpy()
-            low, high = interval(by_world[again].mean(axis=1), n_worlds, 1.0)
+            found = told.share("arrives", arrived, group.world)
+            ends: Any = found["arrives_ci"] or (np.nan, np.nan)
+            low, high = ends
             of_free = float(arrived[group.free == 1].mean())
             rows.append(
                 dict(zip(("rule", "p", "method"), key, strict=True))
-                | {"drives": most, "arrives": float(arrived.mean()), "low": low, "high": high}
+                | {"drives": most, "arrives": found["arrives"], "low": low, "high": high}
                 | {"of_free": of_free, "n": len(group)}
             )
     return pd.DataFrame(rows)

@@ -124,7 +124,7 @@ def settled_signs(
         off = np.where(np.isfinite(off), off, 0.0)
         parallax = np.abs(np.sin(bearings[0] - bearings[1] - found.geometry.heading_rad))
     baseline_m = float(np.clip(np.nan_to_num(baseline_m, nan=_TYPICAL_M), 0.5, 100.0))
-    counts = [np.log(len(r.proposals)) for r in (a, b)]
+    counts = [np.log(max(1, len(r.proposals))) for r in (a, b)]
     return np.column_stack(
         [
             found.features[list(chosen)],

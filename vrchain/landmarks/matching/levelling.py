@@ -48,7 +48,7 @@ def tilts(a: LandmarkRecord, b: LandmarkRecord, matches: Matches) -> tuple[Array
     straight = likelihood.peaks(poses, tilted=False)
     tilted = likelihood.peaks(straight.poses, tilted=True)
     best = int(tilted.log_evidence.argmax())
-    if tilted.log_evidence[best] < straight.log_evidence.max() + _CLEARLY:
+    if not tilted.log_evidence[best] >= straight.log_evidence.max() + _CLEARLY:  # NaN neither
         return None
     return tilted.poses[best, 2:4], tilted.poses[best, 4:]
 
