@@ -130,14 +130,15 @@ def robust_breadth_first_plan(driver: Driver) -> Path | None:
 
 
 def shortened_plan(robust: bool) -> Plans:
-    """The chain of the ledger, shortened; robust: with spares."""
+    """The chain of the ledger, shortened; robust: with all spares, those of cuts too."""
 
     def plans(driver: Driver) -> Path | None:
         if driver.at not in driver.world.ledger:
             return None
         task = replace(driver.task, start=driver.at)
         chain = ledger_chain(driver.world, task, driver.draws, robust)
-        return shorten(driver.world, chain, driver.draws)
+        path = shorten(driver.world, chain, driver.draws)
+        return with_spares(driver.world, path.robots, task.target) if robust else path
 
     return plans
 
