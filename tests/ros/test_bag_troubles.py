@@ -17,6 +17,8 @@ from sights import RIG
 
 from vrchain.errors import BagError
 from vrchain.panorama import Codec, Panorama
+from vrchain.ros.contents import contents_of
+from vrchain.ros.robots import robot_in
 
 NS = 1_000_000_000
 CAMERA_3 = "/R1/camera_3/image_raw"
@@ -318,3 +320,36 @@ def test_red_and_blue_of_a_jpeg(tmp_path: Path) -> None:
             first[name] = Panorama.decode(ledger.payload(bytes.fromhex(digest))).views.astype(int)
     off = abs(first["right"] - first["other"]).mean()
     assert off < 3 < abs(first["right"] - first["other"][..., ::-1]).mean()
+
+
+def test_robots_may_have_frames_of_one_name(tmp_path: Path) -> None:
+    """Each has its transforms below its own namespace; the second's cameras are mounted turned."""
+
+    def of(name: str, turns: int) -> list[Row]:
+        found = []
+        for row in recording():
+            message = row.message
+            if row.topic == "/tf_static":
+                own = message.transforms
+                shifted = [own[(k + turns) % len(own)].transform for k in range(len(own))]
+                turned = [fields(t, transform=s) for t, s in zip(own, shifted, strict=True)]
+                row = replace(
+                    row, topic="/R1/tf_static", message=fields(message, transforms=turned)
+                )
+            found.append(replace(row, topic=row.topic.replace("/R1/", f"/{name}/")))
+        return found
+
+    contents = contents_of([write([*of("R1", 0), *of("R2", 1)], tmp_path / "bag")])
+    first, second = (
+        [c.topic.rpartition("camera_")[2][0] for c in robot_in(
+            contents, name, f"/{name}", {}, 0.05).ring.cameras]
+        for name in ("R1", "R2")
+    )  # fmt: skip
+    assert first != second and sorted(first) == sorted(second)
+
+
+def test_a_recording_of_the_future_is_refused(tmp_path: Path) -> None:
+    made = write(recording(), tmp_path / "bag")
+    with pytest.raises(BagError, match=r"recording of the past, it ends at 2023-11-14 22:13 UTC"):
+        published([made], tmp_path / "ledger", now_ns=START_NS - 100_000_000_000)
+    assert published([made], tmp_path / "again", now_ns=START_NS).digests

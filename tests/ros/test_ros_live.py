@@ -74,7 +74,7 @@ def heard(*names: str, frame: str = "laser") -> Contents:
     turned = np.eye(4)
     turned[:2, :2] = -np.eye(2)
     topics = {name: Topic(name, SCAN, first=first) for name in names}
-    return Contents(topics, {"laser": ("base_link", turned)})
+    return Contents(topics, {("/", "laser"): ("base_link", turned)})
 
 
 def test_the_laser_is_the_one_that_is_meant_where_it_is_mounted() -> None:

@@ -124,7 +124,7 @@ def publish(
         signing = {name: key_of(ledger, keys, name) for name in robots}
         played = publish_bags(
             bags, ledger, signing, robots, rig=rig, look_every_m=look_every, slop_s=slop,
-            examine=examine, tell=lambda line: said.update([line]),
+            examine=examine, tell=lambda line: said.update([line]), now_ns=time.time_ns(),
         )  # fmt: skip
         waits, head = handed_on(ledger), ledger.head
     seconds, processor_s = time.perf_counter() - started, time.process_time() - worked

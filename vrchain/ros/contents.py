@@ -61,10 +61,22 @@ class Topic:
 
 @dataclass(eq=False)
 class Contents:
-    """Everything that was kept. transforms: child frame to its parent's name and (4, 4)."""
+    """Everything that was kept.
+
+    transforms: by the namespace of their topic, "/" of ``/tf``, and the child frame, its parent's
+    name and (4, 4): robots may have frames of one name.
+    """
 
     topics: dict[str, Topic]
-    transforms: dict[str, tuple[str, NDArray[np.float64]]]
+    transforms: dict[tuple[str, str], tuple[str, NDArray[np.float64]]]
+
+    def of(self, namespace: str) -> "Contents":
+        """As a robot has it, whose topics begin with a namespace: its own frames before others."""
+        found: dict[tuple[str, str], tuple[str, NDArray[np.float64]]] = {}
+        for (of, frame), told in sorted(self.transforms.items(), key=lambda t: len(t[0][0])):
+            if namespace.startswith(of) or of.startswith(namespace):
+                found["/", frame] = told
+        return Contents(self.topics, found)
 
     def pose_in(self, frame: str, base: str) -> NDArray[np.float64] | None:
         """(4, 4) from ``frame`` to ``base``; None where no transforms lead there."""
@@ -76,8 +88,8 @@ class Contents:
 
     def _to_top(self, frame: str) -> dict[str, NDArray[np.float64]]:
         found, pose = {frame: np.eye(4)}, np.eye(4)
-        while frame in self.transforms:
-            frame, step = self.transforms[frame]
+        while ("/", frame) in self.transforms:
+            frame, step = self.transforms["/", frame]
             pose = step @ pose
             if frame in found:  # a circle
                 break
@@ -111,7 +123,7 @@ def keep(found: Contents, topic: Topic, message: Message) -> None:
     """Keep of one message what is needed later. BagError if it is broken."""
     if message.type == TF:
         for told in opened(message).transforms:
-            child = told.child_frame_id.lstrip("/")
+            child = namespace_of(message), told.child_frame_id.lstrip("/")
             if child in found.transforms or len(found.transforms) >= _FRAMES:
                 continue
             pose = matrix_of(told.transform.translation, told.transform.rotation)
@@ -137,15 +149,21 @@ def keep(found: Contents, topic: Topic, message: Message) -> None:
 def _keep_way(found: Contents, message: Message) -> None:
     """How transforms move a robot, as if it were a topic: from frames that end in ``odom``."""
     for told in opened(message).transforms:
-        frame = told.header.frame_id.lstrip("/")
+        frame, own = told.header.frame_id.lstrip("/"), namespace_of(message)
         if frame.rpartition("/")[2] == "odom":
-            topic = found.topics.setdefault(f"/{frame}{OF_TF}", Topic(f"/{frame}{OF_TF}", TF))
+            name = f"{own}{frame.removeprefix(own[1:])}{OF_TF}"
+            topic = found.topics.setdefault(name, Topic(name, TF))
             place, stamp = told.transform.translation, told.header.stamp
             topic.first = told
             topic.count += 1
             topic.poses.extend((place.x, place.y, yaw_of(told.transform.rotation)))
             topic.stamps_ns.append(stamp.sec * 1_000_000_000 + stamp.nanosec)
             topic.received_ns.append(message.received_ns)
+
+
+def namespace_of(message: Message) -> str:
+    """Of a message's topic, with slashes around it."""
+    return message.topic.rpartition("/")[0] + "/"
 
 
 def _keep_times(topic: Topic, message: Message) -> None:

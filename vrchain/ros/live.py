@@ -302,7 +302,7 @@ def laser_in(
         names = ", ".join(t.name for t in scans)
         raise BagError(f"{name}: {names} are lasers: name one as laser in --rig")
     (topic,) = scans
-    pose = contents.pose_in(topic.frame, base)
+    pose = contents.of(prefix).pose_in(topic.frame, base)
     if "laser_bearing_deg" in rig:
         pose = np.eye(4)
         pose[:3, :3] = rotation_z(np.radians(float(rig["laser_bearing_deg"])))

@@ -6,6 +6,7 @@ published before a break is found in the ledger, and the same call goes on from 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
 
@@ -26,6 +27,7 @@ from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
 from vrchain.ros.storage import messages
 
 SLOP_S = 0.05
+_AHEAD_NS = 60_000_000_000  # by which a clock may be ahead
 _TRIES = 3  # of later moments, where a look's pictures are broken
 
 Tell = Callable[[str], None]
@@ -221,13 +223,15 @@ def publish_bags(
     rules: UpdateRules | None = None,
     examine: Examine | None = None,
     tell: Tell = lambda line: None,
+    now_ns: int | None = None,
 ) -> list[Played]:
     """Publish what robots recorded, each as if it had done so itself.
 
     robots: name to the namespace of its topics. keys: theirs. rig: a file that tells what the bags
     do not. slop_s: how far apart in time the cameras' pictures of one panorama may be. tell: is
-    given a line for each thing that is mended or left out. BagError before anything is published;
-    the ledger's errors as ``Ledger.publish``; what was published before stays.
+    given a line for each thing that is mended or left out. now_ns: a clock that ran ahead of that
+    by more than a minute is refused. BagError before anything is published; the ledger's errors as
+    ``Ledger.publish``; what was published before stays.
     """
     _check_apart(robots)
     contents, told = contents_of(bags, tell), load_rig(rig)
@@ -240,6 +244,12 @@ def publish_bags(
             looks = looks_of(recorded, look_every_m, rules.max_age_s)
         except BagError as error:
             raise BagError(f"{name}: {error}") from None
+        if now_ns is not None and looks[-1].moment.time_ns > now_ns + _AHEAD_NS:
+            when = datetime.fromtimestamp(looks[-1].moment.time_ns / 1e9, UTC)
+            raise BagError(
+                f"{name}: expected a recording of the past, it ends at {when:%Y-%m-%d %H:%M} UTC: "
+                "whose clock is wrong? Nothing earlier could be published by that robot any more"
+            )
         publisher = Publisher(name, ledger, keys[name], rules, examine)
         players.append(_Player(recorded, publisher, ledger, tell, looks, pictures))
     del contents

@@ -138,6 +138,7 @@ def robot_in(
     if not own:
         some = ", ".join(sorted({t.split("/")[1] for t in contents.topics})[:8])
         raise BagError(f"{name}: no topic begins with {prefix}; there are /{some}: see bag info")
+    contents = contents.of(prefix)
     odometry = _odometry(name, prefix, contents, own, rig, tell)
     way, offset_ns = _way(odometry, tell)
     chosen = _camera_topics(name, prefix, own, rig, tell)
@@ -275,7 +276,8 @@ def _is_depth(topic: Topic) -> bool:
 def _base(contents: Contents, odometry: Topic, cameras: Sequence[Topic]) -> str:
     """The robot's own frame: the one that odometry moves, or a usual one."""
     child = getattr(odometry.first, "child_frame_id", "").lstrip("/")
-    known = {*contents.transforms, *(parent for parent, _ in contents.transforms.values())}
+    known = {child for _, child in contents.transforms}
+    known |= {parent for parent, _ in contents.transforms.values()}
     prefixes = {topic.frame.rpartition("/")[0] for topic in cameras}
     usual = [f"{p}/{b}".lstrip("/") for p in sorted(prefixes) for b in _BASES]
     return next((frame for frame in (child, *usual) if frame in known), child or _BASES[0])
