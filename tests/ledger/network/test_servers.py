@@ -541,6 +541,18 @@ def test_servers_over_tls_say_how_they_are_and_keep_what_they_were_told(
         server.wait()
 
 
+def test_what_is_no_block_is_told_and_nobody_takes_it_in(address: str, folder: Path) -> None:
+    """By a dishonest maker, or whoever runs the servers."""
+
+    async def garbage(client: object) -> None:
+        await client.jetstream().publish("block", b"garbage")  # type: ignore[attr-defined]
+
+    with closing(Stream(Connection(Servers.at(address)))) as stream:
+        stream.connection.run(garbage)
+    told = said("cluster", "put", folder, address, "--anonymous", status=1)
+    assert "after block 5 is no block of this chain" in told and "put the ledger again" in told
+
+
 def configured(out: Path, ledger: Path, *servers: str) -> list[object]:
     """The command that writes configurations, for three machines where nobody listens."""
     servers = servers or tuple(f"n{k}=127.0.0.{k}" for k in (2, 3, 4))

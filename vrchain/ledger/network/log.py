@@ -5,6 +5,7 @@ A log only orders and carries. What it gives is judged by whoever takes it in.
 
 import contextlib
 from collections.abc import Iterator, Mapping
+from itertools import islice
 from pathlib import Path
 from typing import Protocol, TypeAlias
 
@@ -105,10 +106,21 @@ class FolderLog:
 def put(ledger: Ledger, log: Log, height: int) -> int:
     """Append the ledger's blocks to a log whose newest is ``height``, -1 if none; how many.
 
-    Raises as ``Log.append``, WrongLedgerError where the log has other ones.
+    Raises as ``Log.append``, WrongLedgerError where the log has other ones, GapError where what
+    comes after the ledger's is no block of its chain.
     """
     ledger.refresh()
     check_is_part_of(ledger, log, min(height, ledger.head.height))
+    if height > ledger.head.height:
+        try:
+            for entry, _ in islice(log.follow(ledger.head.height), 1):
+                ledger.check(entry.block, entry.records)
+        except (GapError, InvalidError) as error:
+            raise GapError(
+                f"what the servers have after block {ledger.head.height} is no block of this chain "
+                f"({error}): where no other folder has gone on, stop them, remove their stores, "
+                "start them, and put the ledger again"
+            ) from None
     for entry in ledger.entries(height + 1):
         log.append(entry, ledger.blobs_of(entry), entry.block.height - 1)
     return max(0, ledger.head.height - height)
