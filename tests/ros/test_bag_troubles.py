@@ -17,7 +17,7 @@ from sights import RIG
 
 from vrchain.errors import BagError
 from vrchain.panorama import Codec, Panorama
-from vrchain.ros.contents import contents_of
+from vrchain.ros.contents import clocked, contents_of
 from vrchain.ros.robots import robot_in
 
 NS = 1_000_000_000
@@ -353,3 +353,14 @@ def test_a_recording_of_the_future_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BagError, match=r"recording of the past, it ends at 2023-11-14 22:13 UTC"):
         published([made], tmp_path / "ledger", now_ns=START_NS - 100_000_000_000)
     assert published([made], tmp_path / "again", now_ns=START_NS).digests
+
+
+def test_what_was_held_up_on_its_way_keeps_its_stamp() -> None:
+    """For two seconds nothing comes, then all at once; a clock that steps back is another thing."""
+    stamps = [START_NS + k * NS // 10 for k in range(120)]
+    received = [max(t, START_NS + 7 * NS) if t > START_NS + 5 * NS else t for t in stamps]
+    times, _, wrong = clocked(stamps, received)
+    assert times.tolist() == stamps and wrong == 0
+    stepped = [t - 5 * NS * (k > 60) for k, t in enumerate(stamps)]
+    times, _, wrong = clocked(stepped, stamps)
+    assert times.tolist() == stamps and wrong == 59

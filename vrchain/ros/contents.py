@@ -31,6 +31,7 @@ OF_TF = " of tf"  # ends the name of a way that transforms tell
 _TRIED = 20  # pictures, for one that can be read
 _FRAMES = 10_000  # of transforms; a robot has hundreds
 _APART_NS = 1_000_000_000  # of a stamp from when it was received, more than before: it is wrong
+_HELD_UP_NS = 60_000_000_000  # that a message may come late, where a network fails
 
 
 @dataclass(eq=False)
@@ -215,8 +216,9 @@ def matrix_of(translation: Any, q: Any) -> NDArray[np.float64] | None:
 def clocked(stamps_ns: Iterable[int], received_ns: Iterable[int]) -> tuple[Times, int, int]:
     """The times of one topic's messages, their clock's usual offset, and how many were wrong.
 
-    A stamp counts if it is as far from when its message was received as those before it. Where it
-    is zero, or the clock stepped, time goes on by when messages were received.
+    A stamp counts if it is as far from when its message was received as those before it, or if the
+    message was held up on its way: it is later, and goes on from the one before. Where it is zero,
+    or the clock stepped, time goes on by when messages were received.
     """
     stamps = np.fromiter(stamps_ns, np.int64)
     received = np.fromiter(received_ns, np.int64)
@@ -225,13 +227,15 @@ def clocked(stamps_ns: Iterable[int], received_ns: Iterable[int]) -> tuple[Times
         return received, 0, len(received)
     late = received - stamps
     usual = offset = int(np.median(late[told][:100]))
-    times, wrong = stamps.copy(), 0
+    times, wrong, before = stamps.copy(), 0, 0
     for k, (is_told, late_ns) in enumerate(zip(told.tolist(), late.tolist(), strict=True)):
+        is_held_up = 0 < late_ns - offset <= _HELD_UP_NS and stamps[k] > before
         if is_told and abs(late_ns - offset) <= _APART_NS:
             offset = late_ns
-        else:
+        elif not (is_told and is_held_up):
             times[k] = received[k] - offset
             wrong += times[k] != stamps[k]
+        before = max(before, int(times[k]))
     return times, usual, wrong
 
 
