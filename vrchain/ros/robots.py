@@ -95,8 +95,7 @@ class Recorded:
             made += f", of which {self.ring.seen_deg:.0f} of 360 degrees are seen"
         return {
             "rig": asdict(rig), "exact": self.ring.exact, "seen_deg": self.ring.seen_deg,
-            "moments": len(self.moments),
-            "driven_m": round(driven_m, 2),
+            "moments": len(self.moments), "driven_m": round(driven_m, 2),
             "text": f"{len(self.moments)} moments, {driven_m:.1f} m by odometry; "
             f"{rig.n_views} views of {rig.width_px} x {rig.height_px} pixels and "
             f"{rig.field_of_view_deg:g} degrees, {made}; cameras {rig.camera_height_m:g} m up",
@@ -276,8 +275,7 @@ def _is_depth(topic: Topic) -> bool:
 def _base(contents: Contents, odometry: Topic, cameras: Sequence[Topic]) -> str:
     """The robot's own frame: the one that odometry moves, or a usual one."""
     child = getattr(odometry.first, "child_frame_id", "").lstrip("/")
-    known = {child for _, child in contents.transforms}
-    known |= {parent for parent, _ in contents.transforms.values()}
+    known = {c for _, c in contents.transforms} | {p for p, _ in contents.transforms.values()}
     prefixes = {topic.frame.rpartition("/")[0] for topic in cameras}
     usual = [f"{p}/{b}".lstrip("/") for p in sorted(prefixes) for b in _BASES]
     return next((frame for frame in (child, *usual) if frame in known), child or _BASES[0])
