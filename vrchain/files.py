@@ -9,17 +9,17 @@ import shutil
 import stat
 import tempfile
 from collections.abc import Iterator
-from importlib.metadata import distributions
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from vrchain.errors import OutputError
 
 _SHOWS = ("cli", "plots", "viewer")
 # By other versions of these what is seen may differ in its last bits, and so what is decided.
-_LIBRARIES = {
+_LIBRARIES = (
     "numpy", "open3d", "open3d-cpu", "opencv-python-headless", "pillow", "pycollada", "pyrender2",
     "scipy", "shapely", "torch", "trimesh",
-}  # fmt: skip
+)  # fmt: skip
 
 
 def name_of(asked: object) -> str:
@@ -34,9 +34,10 @@ def code_digest() -> str:
 
 @functools.cache
 def _digest_of(package: Path) -> str:
-    versions = {(d.name or "").lower(): d.version for d in distributions()}
-    used = sorted(_LIBRARIES & versions.keys())
-    told = hashlib.sha256("".join(f"{name} {versions[name]}\n" for name in used).encode())
+    told = hashlib.sha256()
+    for library in _LIBRARIES:
+        with contextlib.suppress(PackageNotFoundError):
+            told.update(f"{library} {version(library)}\n".encode())
     for file in sorted(filter(Path.is_file, package.rglob("*"))):
         own = file.relative_to(package)
         if own.parts[0] not in _SHOWS and "__pycache__" not in own.parts:

@@ -190,12 +190,11 @@ def import_(
 
 def _strange(output: Path) -> set[str]:
     """The names in a folder of what is no single panorama's, which an import may replace."""
-    from vrchain.panorama import MARKER
+    from vrchain.panorama.panorama import MARKER, SAVED
 
     there = {path.name for path in output.iterdir()} if output.exists() else set[str]()
     if MARKER in there:
-        there = {n for n in there if not fnmatch(n, "view_*.png")}
-        there -= {MARKER, "cylinder.png", "seen.png"}
+        there = {n for n in there if not any(fnmatch(n, own) for own in SAVED)}
     return there
 
 

@@ -27,6 +27,7 @@ from vrchain.panorama.rig import CameraRig
 
 MARKER = "panorama.json"
 _SEEN = "seen.png"
+SAVED = MARKER, _SEEN, "cylinder.png", "view_*.png"  # patterns of what ``save`` writes
 _MAGIC = b"VRPANO\x00\x01"
 _MAX_VIEW_BYTES = 16_000_000
 

@@ -96,15 +96,10 @@ class Sender:
                     flying[robot] += 1
                     if now_s - self._sent.get(path, -_AGAIN_S) >= _AGAIN_S:
                         there = self._post.offers_of(robot) if path in self._sent else 0
-                        self._sent[path] = now_s
-                        if there >= flying[robot]:
-                            continue  # it waits for a maker; servers forget that they know it
-                        data = self._outbox.read(path)
-                        try:
+                        if there < flying[robot]:  # else it waits for a maker, and would twice
+                            data = self._outbox.read(path)
                             self._post.offer(robot, transaction_in(data).id, data)
-                        except BaseException:
-                            del self._sent[path]
-                            raise
+                        self._sent[path] = now_s
             except _NEVER as error:
                 self._set_aside(robot, sequence, path, str(error))
 

@@ -18,10 +18,7 @@ from vrchain.errors import LedgerError
 from vrchain.ledger.errors import ClusterError, GapError, UnavailableError
 from vrchain.ledger.network.connection import API, Connection, token
 from vrchain.ledger.network.log import Given
-from vrchain.ledger.network.message import (
-    pack_entry,
-    unpack_entry,
-)
+from vrchain.ledger.network.message import pack_entry, unpack_entry
 from vrchain.ledger.records.block import Entry
 
 if TYPE_CHECKING:
