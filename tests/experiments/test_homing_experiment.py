@@ -29,7 +29,7 @@ from vrchain.seeding import generator
 from vrchain.world.model import Scene
 
 SUBURB = str(SCENES / "suburb.yaml")
-FIGURES = ("angular_error_deg", "return_ratio", "catchment_m", "no_answer")
+FIGURES = ("angular_error_deg", "return_ratio", "catchment_m", "no_answer", "false_arrivals")
 SMALL = Grid(spacing_m=2.0, reach_m=4.0, near_m=0.2, near_reach_m=0.2)
 
 
@@ -114,11 +114,13 @@ def test_figures_are_what_the_module_says() -> None:
     mixed.loc[silent, "answered"] = False
     for made in (near, mixed):
         made["home"] = returned(made, lambda at: np.full(len(at), True), Grid())
+    mixed.loc[np.hypot(mixed.x_m, mixed.y_m) < 0.6, "arrived"] = True  # four starts at 0.5 m
     table = pd.concat([near, mixed], ignore_index=True)
     n_far = int(far.sum())
     found = summarise(table)["made up"]
     assert (found["n_places"], found["n_starts"], found["n_clear"]) == (2, 632, 631)
     assert found["angular_error_deg"] == pytest.approx((180 * n_far + 30 + 90) / 632)
+    assert found["false_arrivals"] == pytest.approx(4 / 632)
     assert found["return_ratio"] == pytest.approx((631 - n_far - 1) / 631)
     assert found["no_answer"] == pytest.approx(1 / 632)
     assert found["catchment_m"] == pytest.approx((3.162 + 5.0) / 2, abs=0.1)

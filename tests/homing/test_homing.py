@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 import sights
-from sights import RIG, sight
+from sights import RIG, descriptors, directions, features_of, sight
 
 from vrchain.geometry import Pose, placed, wrap_angle_rad
 from vrchain.homing import home_vector
+from vrchain.landmarks.extraction.sift import Features
 from vrchain.seeding import generator
 
 HOME = Pose(0.5, -0.3, 1.0)
@@ -73,3 +74,26 @@ def test_hardly_any_features_are_no_vector(n: int) -> None:
     few = sight(HOME).take(np.arange(n))
     for pair in ((few, sight(HOME)), (sight(HOME), few), (few, few)):
         assert home_vector(*pair) is None
+
+
+def far_away(here: Pose, n_near: int = 0) -> Features:
+    """A hundred things 150 to 400 m away, and some keypoints of the ground 3 to 7 m from home."""
+    draws = generator(0, "far away")
+    angle, range_m = draws.uniform(-np.pi, np.pi, 120), draws.uniform(150.0, 400.0, 120)
+    high_m = draws.uniform(5.0, 60.0, 120)
+    range_m[100:], high_m[100:] = draws.uniform(3.0, 7.0, 20), 0.0
+    points_m = np.column_stack([range_m * np.cos(angle), range_m * np.sin(angle), high_m])
+    seen = features_of(*directions(here, points_m), descriptors(120, "far away"))
+    return seen.take(np.arange(100 + n_near))
+
+
+@pytest.mark.parametrize("n_near", [0, 2, 5])
+def test_what_is_far_away_does_not_tell_that_it_is_home(n_near: int) -> None:
+    """By what hardly moves 1.5 m and 0.05 m are the same, so the ground must tell."""
+    then = far_away(Pose(0, 0), n_near)
+    off = home_vector(far_away(Pose(1.5, 0, 0.5), n_near), then)
+    near = home_vector(far_away(Pose(0.05, 0, 0.5), n_near), then)
+    assert not off.arrived
+    assert abs(wrap_angle_rad(off.bearing_rad - np.pi + 0.5)) < 2 * off.std_rad
+    assert (off.std_rad > 0.5) == (n_near < 5)  # by the far ones alone home is here or there
+    assert near.arrived == (n_near == 5)

@@ -240,7 +240,8 @@ def starts(found: pd.DataFrame, grid: Grid = GRID) -> pd.DataFrame:
 def summarise(found: pd.DataFrame, grid: Grid = GRID) -> dict[str, dict[str, object]]:
     """The figures of each method, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
-    angular_error_deg, its median, no_answer: over n_starts; return_ratio: over the n_clear of them
+    angular_error_deg, its median, no_answer, false_arrivals: over n_starts, false_arrivals the share
+    of those at which it declares that it is home; return_ratio: over the n_clear of them
     whose straight way is free; catchment_m: over those of the n_places that have such starts.
     """
     made = starts(found, grid)
@@ -260,6 +261,7 @@ def _summary(made: pd.DataFrame) -> dict[str, object]:
         **told.mean("return_ratio", clear.home, clear.suburb, 1.0),
         **told.mean("catchment_m", places.catchment_m, places.suburb),
         **told.mean("no_answer", ~made.answered, made.suburb, 1.0),
+        **told.mean("false_arrivals", made.arrived, made.suburb, 1.0),
         "angular_error_deg_median": float(made.error_deg.median()),
     }
 
@@ -276,6 +278,6 @@ def as_table(summary: Mapping[str, Mapping[str, object]]) -> pd.DataFrame:
     """The figures to read: one row a method, intervals in brackets."""
     names = (
         "n_places", "n_starts", "n_clear", "angular_error_deg", "return_ratio", "catchment_m",
-        "no_answer",
+        "no_answer", "false_arrivals",
     )  # fmt: skip
     return table_of(summary, names, "method")

@@ -5,7 +5,8 @@ that the matches make believe (``belief``), which is an answer with a large devi
 speaks for it. Cameras may be tilted (``landmarks.tilted``), and a compass is one more measurement.
 How far: a point on the ground, one camera height h down, that is seen at slope t lies at range
 h / -t, so two sights of it tell the way between them. What stands higher tells more than there is;
-of the low points the nearer answers count.
+of the low points the nearer answers count. What is far away hardly moves, however far the robot
+goes: where too little of the ground is known again, it does not say that it is there.
 """
 
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ _ONE_SIDE_RAD = 0.4  # deviation else: one thing may look like another one
 _CERTAIN, _CERTAIN_SHARE = 10.0, 0.9  # evidence of a pose, and its share, to be certain of it
 _LIKE_HOME = 0.1  # share of keypoints that clearly match at home
 _LOW_SLOPE = -0.12  # what is seen lower, from both places, is near and mostly ground
-_LEAST_LOW_POINTS = 7
+_LEAST_LOW_POINTS = 3
 _LOW_SHARE = 0.25  # the quantile of their answers that is believed
 _DEPTH_M = 20.0  # of half of what is around, where no ground is matched
 _LEAST_DEPTH_M = 8.0  # half of what is around is farther
@@ -70,11 +71,13 @@ class Epipolar:
         if len(now) < 2 * self.min_inliers or views.heading_rad is None:
             return None
         pose = estimate(now.directions, then.directions, self.min_inliers, self.tolerance_rad)
-        if pose is not None and pose.inliers.mean() > _HALF:
-            starts = np.array([[pose.direction_rad, pose.direction_rad - pose.heading_rad]])
+        if pose is not None and pose.inliers.mean() > _HALF:  # or, of what is far away, the reverse
+            ways = np.array([pose.direction_rad, pose.direction_rad + np.pi])
+            heading_rad = pose.heading_rad
         else:  # what is far away holds the heading, but any direction nearly as well
-            around = np.arange(_AROUND) * (2 * np.pi / _AROUND)
-            starts = np.column_stack([around, around - views.heading_rad])
+            ways = np.arange(_AROUND) * (2 * np.pi / _AROUND)
+            heading_rad = views.heading_rad
+        starts = np.column_stack([ways, ways - heading_rad])
         likelihood = _likelihood(now, then, np.full(len(now), _CLEAR_CHANCE), compass)
         belief = of_peaks(likeliest(likelihood, starts))
         agree = likelihood.agreeing(belief.peaks.poses[0], 2 * self.tolerance_rad)
@@ -131,7 +134,7 @@ class Epipolar:
             distance_m = max(views.home.camera_height_m * heights, _LEAST_DEPTH_M * parallax)
         fewer = min(len(views.current.features), len(views.home.features))
         alike = max(self.min_inliers, _LIKE_HOME * fewer) <= len(views.matched[0])
-        arrived = bool(sure and alike and distance_m <= self.arrived_m)
+        arrived = bool(sure and alike and not np.isnan(heights) and distance_m <= self.arrived_m)
         return HomeVector(*told, int(agree.sum()), arrived, distance_m)
 
 
