@@ -20,6 +20,7 @@ from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.replicated import Replicated
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.network.stream import Stream
+from vrchain.ledger.rules.limits import Limits
 
 
 class Given:
@@ -126,6 +127,22 @@ def test_what_is_never_followed_up_is_asked_for_less_and_less_and_let_go(
         assert answers == ["later"] * 20 + ["done"]
         assert delays_s[:4] == [0.1, 0.2, 0.4, 0.8] and max(delays_s) == 5.0
         assert sum(delays_s) > 60.0  # as long as another maker may take to start
+
+
+def test_what_is_over_its_rate_is_asked_for_less_and_less(log: FolderLog, tmp_path: Path) -> None:
+    """Its message, half a megabyte, was sent again twice a second."""
+    with Replicated.join(tmp_path / "one", log) as ledger:
+        ledger.catch_up()
+        first, over = following(ledger, 2)
+        given, limits = Given(first), Limits(rate_per_s=1e-6, burst=1)
+        maker = Maker(ledger, given, "R2", KEYS["R2"], clock=lambda: 100, limits=limits)
+        assert maker.turn(0.0) == 1
+        delays_s = []
+        for tries in (1, 2, 3, 4, 5, 600):
+            maker._offers = given = Given(over, tries=tries)
+            assert maker.turn(0.0) == 0 and given.answers == [("later", over.transaction.id)]
+            delays_s += given.delays_s
+        assert delays_s == [0.5, 1.0, 2.0, 4.0, 5.0, 5.0]
 
 
 def test_of_two_makers_one_is_given_all_and_the_other_takes_over(tmp_path: Path) -> None:

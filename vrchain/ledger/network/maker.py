@@ -31,8 +31,9 @@ from vrchain.ledger.records.transaction import Transaction
 from vrchain.ledger.rules.admission import Admission
 from vrchain.ledger.rules.limits import Limits
 
-_GAP_S, _LONG_GAP_S, _GAP_TRIES = 0.1, 5.0, 20  # what is left out comes soon, or may never come
+_GAP_S, _GAP_TRIES = 0.1, 20  # what is left out comes soon, or may never come
 _LATER_S = {SequenceGapError: _GAP_S, RateLimitError: 0.5, QueueFullError: 0.5, ClockSkewError: 5.0}
+_LONGEST_S, _DOUBLINGS = 5.0, 10  # each try costs the servers its bytes, so the next is later
 _AROUND = 1024  # bytes of a message around what it holds
 _MOST_TRIES = 600  # then it is let go, whatever it waits for: its robot sends it again
 _FOR_GOOD = EncodingError, RecordError, InputLimitError, InvalidError
@@ -92,15 +93,15 @@ class Maker:
                 raise
             except LedgerError as error:
                 self.counts[type(error).__name__] += 1
-                delay_s, most = _LATER_S.get(type(error)), _MOST_TRIES
+                first_s = _LATER_S.get(type(error))
                 tries = offer.message.metadata.num_delivered or 1
-                if isinstance(error, SequenceGapError):  # each try costs the servers its bytes
-                    delay_s, most = min(_GAP_S * 2 ** (tries - 1), _LONG_GAP_S), _GAP_TRIES
-                if delay_s is None or tries > most:
-                    if delay_s is None and isinstance(error, _FOR_GOOD):
+                most = _GAP_TRIES if isinstance(error, SequenceGapError) else _MOST_TRIES
+                if first_s is None or tries > most:
+                    if first_s is None and isinstance(error, _FOR_GOOD):
                         self._offers.refuse(str(error), offer)
                     over.append(offer)
                 else:
+                    delay_s = min(first_s * 2 ** min(tries - 1, _DOUBLINGS), _LONGEST_S)
                     later.setdefault(delay_s, []).append(offer)
         if over:
             self._answered(over, held, None)
