@@ -91,9 +91,20 @@ def far_away(here: Pose, n_near: int = 0) -> Features:
 def test_what_is_far_away_does_not_tell_that_it_is_home(n_near: int) -> None:
     """By what hardly moves 1.5 m and 0.05 m are the same, so the ground must tell."""
     then = far_away(Pose(0, 0), n_near)
-    off = home_vector(far_away(Pose(1.5, 0, 0.5), n_near), then)
-    near = home_vector(far_away(Pose(0.05, 0, 0.5), n_near), then)
+    off = home_vector(far_away(Pose(1.5, 0, 0.5), n_near), then, arrived_m=0.15)
+    near = home_vector(far_away(Pose(0.05, 0, 0.5), n_near), then, arrived_m=0.15)
     assert not off.arrived
     assert abs(wrap_angle_rad(off.bearing_rad - np.pi + 0.5)) < 2 * off.std_rad
     assert (off.std_rad > 0.5) == (n_near < 5)  # by the far ones alone home is here or there
     assert near.arrived == (n_near == 5)
+
+
+def test_tiles_that_repeat_do_not_tell_that_it_is_home() -> None:
+    """A third of the ground is taken for that one tile farther on, where nothing has moved."""
+    then = far_away(Pose(0, 0), 20)
+    now = far_away(Pose(1.0, 0, 0.5), 20)
+    tiles = np.arange(100, 107)  # they look from 1 m off as they did from home
+    now.bearing_rad[tiles] = wrap_angle_rad(then.bearing_rad[tiles] - 0.5)
+    now.slope[tiles] = then.slope[tiles]
+    off = home_vector(now, then, arrived_m=0.15)
+    assert not off.arrived and abs(off.remoteness - 1.0) < 0.1

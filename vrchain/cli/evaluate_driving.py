@@ -39,8 +39,8 @@ def homing(
     """Home to places from up to 5 m around by ours and by known methods, with and without compass.
 
     About 300 starts a place, minutes each. no_answer counts as 90 degrees; false_arrivals is the
-    share of starts that it takes for home; return_ratio is over those whose straight way is free. Intervals: 95 %, bootstrap over suburbs. Broken off, the same
-    command goes on.
+    share of starts that it takes for home; return_ratio is over those whose straight way is free.
+    Intervals: 95 %, bootstrap over suburbs. Broken off, the same command goes on.
     """
     from vrchain.experiments import homing as experiment
     from vrchain.experiments.scenes import scenes_of

@@ -240,9 +240,9 @@ def starts(found: pd.DataFrame, grid: Grid = GRID) -> pd.DataFrame:
 def summarise(found: pd.DataFrame, grid: Grid = GRID) -> dict[str, dict[str, object]]:
     """The figures of each method, with 95 % intervals under NAME_ci: bootstrap over suburbs.
 
-    angular_error_deg, its median, no_answer, false_arrivals: over n_starts, false_arrivals the share
-    of those at which it declares that it is home; return_ratio: over the n_clear of them
-    whose straight way is free; catchment_m: over those of the n_places that have such starts.
+    angular_error_deg, its median, no_answer, false_arrivals (taken for home): over n_starts;
+    return_ratio: over the n_clear of them whose straight way is free; catchment_m: over those of
+    the n_places that have such starts.
     """
     made = starts(found, grid)
     return {str(method): _summary(own) for method, own in made.groupby("method", sort=False)}
