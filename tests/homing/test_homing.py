@@ -107,4 +107,4 @@ def test_tiles_that_repeat_do_not_tell_that_it_is_home() -> None:
     now.bearing_rad[tiles] = wrap_angle_rad(then.bearing_rad[tiles] - 0.5)
     now.slope[tiles] = then.slope[tiles]
     off = home_vector(now, then, arrived_m=0.15)
-    assert not off.arrived and abs(off.remoteness - 1.0) < 0.1
+    assert not off.arrived and 0.6 < off.remoteness < 1.1

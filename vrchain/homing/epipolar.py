@@ -4,10 +4,10 @@ Direction: where many matches agree on one pose (``landmarks.epipolar``), by tha
 that the matches make believe (``belief``), which is an answer with a large deviation where little
 speaks for it. Cameras may be tilted (``landmarks.tilted``), and a compass is one more measurement.
 How far: a point on the ground, one camera height h down, that is seen at slope t lies at range
-h / -t, so two sights of it tell the way between them. What stands higher tells more than there is,
-and of tiles that repeat one may be taken for the next: the median counts. What is far away hardly
-moves, however far the robot goes: where too little of the ground is known again, it does not say
-that it is there.
+h / -t, so two sights of it tell the way between them. What stands higher tells more than there is;
+of the low points the nearer answers count, but not far below the median, since tiles repeat. What
+is far away hardly moves, however far the robot goes: where too little of the ground is known again,
+it does not say that it is there.
 """
 
 from dataclasses import dataclass
@@ -36,6 +36,8 @@ _CERTAIN, _CERTAIN_SHARE = 10.0, 0.9  # evidence of a pose, and its share, to be
 _LIKE_HOME = 0.1  # share of keypoints that clearly match at home
 _LOW_SLOPE = -0.12  # what is seen lower, from both places, is near and mostly ground
 _LEAST_LOW_POINTS = 3
+_LOW_SHARE = 0.25  # the quantile of their answers that is believed
+_OF_MEDIAN = 0.7  # if it is not less than this
 _DEPTH_M = 20.0  # of half of what is around, where no ground is matched
 _LEAST_DEPTH_M = 8.0  # half of what is around is farther
 
@@ -156,4 +158,5 @@ def _distance_heights(da: Array, t_a: Array, db: Array, t_b: Array) -> float:
     if low.sum() < _LEAST_LOW_POINTS:
         return np.nan
     along = np.cos(db[low]) / t_b[low] - np.cos(da[low]) / t_a[low]
-    return max(0.0, float(np.median(along)))
+    nearer, median = np.quantile(along, (_LOW_SHARE, 0.5))
+    return float(max(0.0, nearer, _OF_MEDIAN * median))
