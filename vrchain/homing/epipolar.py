@@ -39,7 +39,7 @@ _LEAST_LOW_POINTS = 3
 _LOW_SHARE = 0.25  # the quantile of their answers that is believed
 _OF_MEDIAN = 0.7  # if it is not less than this
 _DEPTH_M = 20.0  # of half of what is around, where no ground is matched
-_LEAST_DEPTH_M = 3.0  # half of what is around is farther, in rooms too
+_LEAST_DEPTH_M = 5.0  # half of what is around is farther, in rooms too
 
 
 @dataclass(frozen=True)
