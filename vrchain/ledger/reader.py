@@ -37,7 +37,7 @@ class Reader(Replica, Closing):
         self._blobs = BlobStore(folder.absolute() / BLOBS_NAME)
         self._place = Place(folder)
         self._db = connect(folder, writable, wait_s)
-        self._let_go: tuple[int, set[bytes]] = -1, set()  # up to which height, and what
+        self._retained = -1, Retention()  # up to which height, and what
         try:
             self.state = read_state(self._db)
             self._place.settle()
@@ -85,7 +85,7 @@ class Reader(Replica, Closing):
             try:
                 return self._blobs.get(payload_digest)
             except NotFoundError:
-                if payload_digest not in self._dropped():
+                if payload_digest not in self._retention().dropped:
                     raise
         raise DroppedError(f"the payload {payload_digest.hex()} was dropped by the operator")
 
@@ -106,12 +106,12 @@ class Reader(Replica, Closing):
                     found[record.id] = record.record
         return found
 
-    def _dropped(self) -> set[bytes]:
-        """Digests of the blobs that the operator let go."""
+    def _retention(self) -> Retention:
+        """Of all that is stored by now, read once. DamagedError, StorageError."""
         last = last_height(self._db)
-        if self._let_go[0] != last:
-            self._let_go = last, Retention(read_records(self._db, "the records")).dropped
-        return self._let_go[1]
+        if self._retained[0] != last:
+            self._retained = last, Retention(read_records(self._db, "the records"))
+        return self._retained[1]
 
     def entry(self, height: int) -> Entry:
         """The block at ``height`` and its records. NotFoundError, DamagedError."""

@@ -27,7 +27,7 @@ from vrchain.ledger.storage.database import insert_entry, operator_records, read
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.folder import create_folder
 from vrchain.ledger.storage.place import OUTBOX_NAME
-from vrchain.ledger.storage.retention import Retention, dropped_by, named_by, old_blobs
+from vrchain.ledger.storage.retention import dropped_by, named_by, old_blobs
 from vrchain.ledger.storage.turns import Turns
 
 
@@ -257,7 +257,7 @@ class Ledger(Reader):
 
     def _kept(self) -> Set[bytes]:
         """Digests of all blobs that must be there. DamagedError, StorageError."""
-        return Retention(read_records(self._db, "the records")).kept.keys()
+        return self._retention().kept.keys()
 
     def _remove_unneeded(self, blobs: Sequence[bytes]) -> None:
         """Under the lock, since another writer may have published the same bytes again."""

@@ -33,7 +33,7 @@ from vrchain.ledger.rules.limits import Limits
 
 _GAP_S, _GAP_TRIES = 0.1, 20  # what is left out comes soon, or may never come
 _LATER_S = {SequenceGapError: _GAP_S, RateLimitError: 0.5, QueueFullError: 0.5, ClockSkewError: 5.0}
-_LONGEST_S, _DOUBLINGS = 5.0, 10  # each try costs the servers its bytes, so the next is later
+_LONGEST_S = 5.0  # each try costs the servers its bytes, so the next is later
 _AROUND = 1024  # bytes of a message around what it holds
 _MOST_TRIES = 600  # then it is let go, whatever it waits for: its robot sends it again
 _FOR_GOOD = EncodingError, RecordError, InputLimitError, InvalidError
@@ -101,7 +101,7 @@ class Maker:
                         self._offers.refuse(str(error), offer)
                     over.append(offer)
                 else:
-                    delay_s = min(first_s * 2 ** min(tries - 1, _DOUBLINGS), _LONGEST_S)
+                    delay_s = min(first_s * 2 ** (tries - 1), _LONGEST_S)
                     later.setdefault(delay_s, []).append(offer)
         if over:
             self._answered(over, held, None)
