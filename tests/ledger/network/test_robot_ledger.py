@@ -355,6 +355,7 @@ def test_that_servers_lack_a_block_is_told_though_another_robot_has_it(
 
     with contextlib.closing(stream_of(address)) as stream:
         stream.connection.run(spoil)
+        eventually(lambda: [given for _, given in stream.copies(3)] == [None] * 3)
     with (
         robot_at(address, tmp_path / "new", name="R2", others=[tmp_path / "R1"]) as new,
         robot_at(address, tmp_path / "R3", name="R3") as r3,
