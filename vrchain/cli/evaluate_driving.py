@@ -69,7 +69,10 @@ def navigation(
     ] = None,
     to_places: Annotated[bool, typer.Option(help="Goals are places, not objects.")] = False,
     landmarks: Annotated[
-        int, typer.Option(min=0, help="In each chain at least; if 0, two in every third.")
+        int,
+        typer.Option(
+            min=0, help="In each chain at least; if 0, two in every third, but not in small rooms."
+        ),
     ] = 0,
     patrol: Annotated[
         float, typer.Option(metavar="S", help="For how long the others are under way before.")
