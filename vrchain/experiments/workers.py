@@ -8,7 +8,7 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
-from threading import Thread
+from threading import Thread, current_thread, main_thread
 from typing import Any, TypeVar
 
 from tqdm.auto import tqdm
@@ -67,12 +67,23 @@ def each(
 
 @contextmanager
 def _uninterrupted() -> Iterator[None]:
-    """Signals wait: a process that is only half started would complain in many lines."""
+    """Signals wait: a process that is only half started would complain in many lines.
+
+    Blocked, which the processes inherit, and noted: another thread may get what this one blocks.
+    """
+    noted: list[int] = []
+    handlers: dict[signal.Signals, Any] = {}
+    if current_thread() is main_thread():  # where handlers run, whichever thread is told
+        handlers = {n: signal.signal(n, lambda n, frame: noted.append(n)) for n in _ENDING}
     before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
     try:
         yield
     finally:
+        for of, handler in handlers.items():
+            signal.signal(of, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for number in noted:
+            signal.raise_signal(number)
 
 
 def _alone_on_a_core(scratch: str) -> None:
