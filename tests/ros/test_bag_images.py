@@ -147,6 +147,8 @@ def test_which_jpeg_is_passed_through() -> None:
     assert is_jpeg(coded(bgr, ".jpg", "bgr8; jpeg compressed bgr8"))
     assert not is_jpeg(coded(bgr, ".jpg", "rgb8; jpeg compressed rgb8"))
     assert not is_jpeg(coded(bgr, ".png", "png"))
+    assert not is_jpeg(coded(bayer("rggb"), ".jpg", "bayer_rggb8; jpeg compressed"))
+    assert is_jpeg(coded(bgr, ".jpg", "bayer_rggb8; jpeg compressed bgr8"))
     assert not is_jpeg(image(PICTURE, "rgb8"))
 
 

@@ -193,6 +193,8 @@ def test_a_rig_of_lenses_alone_looks_where_the_transforms_say(tmp_path: Path) ->
         ),
         ("camera_height_m: high", "expected a number as camera_height_m, got 'high'"),
         ("camera_height_m: .nan", "give --rig a camera_height_m"),
+        ("cameras: [{topic: camera_0/image_raw, encoding: 8}]", "an encoding, as rgb8, got 8"),
+        ("odometry: nonsense", "the rig's odometry /R1/nonsense is not there: there is /R1/odom"),
     ],
 )
 def test_a_wrong_rig(text: str, said: str, tmp_path: Path) -> None:
@@ -269,8 +271,11 @@ def test_poses_that_the_rig_names(tmp_path: Path) -> None:
         return replace(row, topic="/R1/slam_pose", message=pose)
 
     rows = [row for row in changed(recording(), "/odom", as_pose) if row.topic != "/tf"]
-    (tmp_path / "rig.yaml").write_text("odometry: slam_pose\n")
-    assert same(outcome_of(rows, tmp_path, rig=tmp_path / "rig.yaml"))
+    for named in ("slam_pose", "/R1/slam_pose"):
+        own = tmp_path / named.strip("/").replace("/", "_")
+        own.mkdir()
+        (own / "rig.yaml").write_text(f"odometry: {named}\ncameras: []\n")
+        assert same(outcome_of(rows, own, rig=own / "rig.yaml"))
 
 
 @pytest.mark.parametrize(
@@ -291,6 +296,17 @@ def test_pictures_that_are_broken(
     found = outcome_of(rows, tmp_path)
     assert (found.times_s, found.played.broken) == (times_s, broken)
     assert any(CAMERA_3 in line for line in found.said)
+
+
+def test_a_message_that_came_late_in_the_first_of_two_bags(tmp_path: Path) -> None:
+    """How messages of two bags follow one another rests on every topic, in both readings."""
+    late = next(k for k, row in enumerate(recording()) if row.topic == "/R1/scan")
+    rows = recording()
+    rows[late] = replace(rows[late], received_ns=rows[late].received_ns + 60 * NS)
+    first = [row for row in recording() if row.received_ns < START_NS + 6 * NS]
+    parts = rows[: len(first)], rows[len(first) :]
+    bags = [write(part, tmp_path / f"bag_{k}") for k, part in enumerate(parts)]
+    assert same(published(bags, tmp_path / "ledger"))
 
 
 def test_services_and_unknown_types_beside(tmp_path: Path) -> None:

@@ -13,8 +13,10 @@ pytest.importorskip("mcap")
 
 from vrchain.cli import robot
 from vrchain.errors import BagError
+from vrchain.robot import Drive
 from vrchain.ros.formats import Message
-from vrchain.ros.messages import TF, TWIST, opened
+from vrchain.ros.messages import TF, TWIST, opened, typestore
+from vrchain.ros.playing import PlayedRobot
 from vrchain.ros.ros2 import Ros2
 from vrchain.ros.telling import Messages
 
@@ -106,6 +108,17 @@ def test_which_ros_is_taken(ros_2: None, monkeypatch: pytest.MonkeyPatch) -> Non
     assert [ros for ros, _ in asked] == ["ROS 2", "ROS 1", "ROS 2"]
     monkeypatch.setattr(robot, "find_spec", lambda name: None)
     assert robot.node_of("n")[0] == "ROS 1"
+
+
+def test_a_robot_is_told_no_number(ros_2: None) -> None:
+    """What commands it then is not driven by; the one before goes on until it is too old."""
+    node = Ros2("play")
+    played = PlayedRobot(node, ros_roles.simulator(), "R1")
+    for speed_m_s in (0.5, float("nan"), float("inf")):
+        data = bytes(typestore(False).serialize_cdr(twist(speed_m_s), TWIST))
+        played._take(Message("/R1/cmd_vel", TWIST, False, 0, data))
+        assert played._command == Drive(0.5, 0.0)
+    node.close()
 
 
 def test_a_robot_is_driven(ros_2: None) -> None:

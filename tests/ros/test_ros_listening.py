@@ -11,7 +11,7 @@ import pytest
 pytest.importorskip("rosbags")
 pytest.importorskip("mcap")
 
-from recordings import Row, recording
+from recordings import Row, changed, recording, stamped
 from sights import RIG
 
 from vrchain.errors import BagError, MissionError
@@ -144,15 +144,41 @@ def test_without_odometry_or_ranges_a_robot_stands(
     assert said[5:].index(0.0) <= 11  # a second of commands, ten a second
 
 
+def test_a_camera_whose_clock_is_ahead_tells_no_place(monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is behind may be late instead."""
+    for apart_s, ahead in ((30, True), (-3, False)):
+        rows = changed(
+            recording(), "image_raw", lambda r, s=apart_s: stamped(r, r.received_ns + s * 10**9)
+        )
+        node = Node(rows, {})
+        clock = SimpleNamespace(monotonic=lambda n=node: n.now_s, sleep=node.sleep)
+        monkeypatch.setattr(live, "time", clock)
+        with (
+            pytest.raises(BagError, match=r"is 30.0 s ahead of that of /R1/odom: set them alike")
+            if ahead
+            else contextlib.nullcontext()
+        ):
+            live.LiveRobot(node, "R1", "/R1", {}, 0.05)
+
+
+def test_a_look_waits_for_ranges(listened: Callable[..., tuple[live.LiveRobot, float]]) -> None:
+    robot, _ = listened({})
+    robot._patience_s = 0.01
+    with pytest.raises(MissionError, match="expected odometry and ranges below /R1/"):
+        robot.observe(look=True)
+
+
 def test_a_robot_that_wants_its_velocity_stamped(monkeypatch: pytest.MonkeyPatch) -> None:
     node = Node(list(recording()), {})
     clock = SimpleNamespace(
         monotonic=lambda: node.now_s, sleep=node.sleep, time_ns=lambda: 7_000_000_001
     )
     monkeypatch.setattr(live, "time", clock)
-    rig = {"velocity": "base/cmd_vel", "velocity_stamped": True}
-    live.LiveRobot(node, "R1", "/R1", rig, 0.05).close()
-    ((topic, kind, message),) = node.told
+    for named in ("base/cmd_vel", "/R1/base/cmd_vel"):
+        rig = {"velocity": named, "velocity_stamped": True}
+        live.LiveRobot(node, "R1", "/R1", rig, 0.05).close()
+    (topic, kind, message), again = node.told
+    assert again[0] == topic
     assert (topic, kind) == ("/R1/base/cmd_vel", "geometry_msgs/msg/TwistStamped")
     assert (message.header.stamp.sec, message.header.stamp.nanosec) == (7, 1)
     assert message.twist.linear.x == message.twist.angular.z == 0

@@ -88,6 +88,7 @@ def test_the_laser_is_the_one_that_is_meant_where_it_is_mounted() -> None:
     for contents, rig, words in (
         (two, {}, "/R1/front/scan, /R1/rear/scan are lasers: name one"),
         (one, {"laser": "rear/scan"}, "no sensor_msgs/msg/LaserScan comes as /R1/rear/scan"),
+        (one, {"laser_bearing_deg": "left"}, "expected degrees as laser_bearing_deg.*got 'left'"),
         (heard("/R1/scan", frame="lidar"), {}, "no transform leads from its laser, lidar, to base"),
     ):
         with pytest.raises(BagError, match=words):

@@ -116,6 +116,9 @@ def check_told(path: Path, cameras: Any) -> None:
         raise BagError(
             f"{path}: expected of a camera {', '.join(_KEYS)}, got {', '.join(sorted(unknown))}"
         )
+    for told in cameras:
+        if not isinstance(label := told.get("encoding", ""), str):
+            raise BagError(f"{path}: expected of a camera an encoding, as rgb8, got {label!r}")
 
 
 def lens_from_rig(topic: str, told: Mapping[str, Any], size_px: tuple[int, int]) -> Lens:

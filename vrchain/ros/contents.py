@@ -239,6 +239,16 @@ def clocked(stamps_ns: Iterable[int], received_ns: Iterable[int]) -> tuple[Times
     return times, usual, wrong
 
 
+def ahead_s(topic: Topic, other: Topic) -> float:
+    """By how much a topic's clock is ahead of another's; below zero it may be late instead."""
+    told, received = (
+        [np.array(times) for times in (t.stamps_ns, t.received_ns)] for t in (topic, other)
+    )
+    fast = [np.where(stamps != 0, stamps - came, 0) for stamps, came in (told, received)]
+    last = np.searchsorted(received[1], told[1], side="right") - 1  # of the other's, before it
+    return float(np.median(fast[0] - fast[1][last.clip(0)])) / 1e9
+
+
 def gaps_of(topic: Topic) -> dict[str, float]:
     """How often a topic's messages came, and the longest time without one; {} of fewer than two."""
     steps_s = np.diff(np.sort(clocked(topic.stamps_ns, topic.received_ns)[0])) / 1e9

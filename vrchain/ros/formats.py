@@ -40,7 +40,6 @@ class Damage(Exception):
 
 
 Tell = Callable[[str], None]
-Wanted = Callable[[str], bool]
 
 
 def _exactly(stream: IO[bytes], n: int) -> bytes:
@@ -55,17 +54,17 @@ def _exactly(stream: IO[bytes], n: int) -> bytes:
 # ROS 1
 
 
-def ros1_messages(file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterator[Message]:
+def ros1_messages(file: IO[bytes], tell: Tell) -> Iterator[Message]:
     """Of a ROS 1 bag. A chunk that is broken costs its own messages alone."""
     file.readline()
     connections: dict[bytes, tuple[str, str]] = {}
     for kind, fields, data in _ros1_records(file):
         if kind != b"\x05":
-            yield from _ros1_message(kind, fields, data, connections, wanted)
+            yield from _ros1_message(kind, fields, data, connections)
             continue
         try:
             for inner in _ros1_records(io.BytesIO(_ros1_chunk(fields, data))):
-                yield from _ros1_message(*inner, connections, wanted)
+                yield from _ros1_message(*inner, connections)
         except (Damage, struct.error) as damage:
             tell(f"a chunk is broken ({damage}): what is whole of it is used")
 
@@ -88,7 +87,6 @@ def _ros1_message(
     fields: dict[bytes, bytes],
     data: bytes,
     connections: dict[bytes, tuple[str, str]],
-    wanted: Wanted,
 ) -> Iterator[Message]:
     """The message that a record is, if it is one; connections are kept."""
     number = fields.get(b"conn", b"")
@@ -96,7 +94,7 @@ def _ros1_message(
         type_ = _ros1_fields(data).get(b"type", b"").decode(errors="replace")
         topic = fields.get(b"topic", b"").decode(errors="replace")
         connections[number] = topic_named(topic), type_named(type_)
-    elif kind == b"\x02" and number in connections and wanted(connections[number][0]):
+    elif kind == b"\x02" and number in connections:
         seconds, rest = struct.unpack("<II", fields.get(b"time", b""))
         yield Message(*connections[number], True, seconds * 1_000_000_000 + rest, data)
 
@@ -157,7 +155,7 @@ def _printable(name: str) -> str:
 # MCAP
 
 
-def mcap_messages(file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterator[Message]:
+def mcap_messages(file: IO[bytes], tell: Tell) -> Iterator[Message]:
     """Of an MCAP file."""
     from mcap.exceptions import McapError
     from mcap.records import Channel, Chunk, Schema
@@ -172,13 +170,13 @@ def mcap_messages(file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterator[Messa
             schemas[record.id] = type_named(record.name)
         elif isinstance(record, Channel) and record.id not in channels:
             ros1, topic = _READ.get(record.message_encoding), topic_named(record.topic)
-            if ros1 is None and wanted(topic):
+            if ros1 is None:
                 tell(f"{topic} is encoded as {record.message_encoding!r}: left out")
             known = (topic, schemas.get(record.schema_id, ""), bool(ros1))
             channels[record.id] = None if ros1 is None else known
         elif isinstance(record, Recorded):
             channel = channels.get(record.channel_id)
-            if channel is not None and wanted(channel[0]):
+            if channel is not None:
                 time_ns = min(record.log_time, _LATEST_NS)
                 return Message(*channel, time_ns, _message(record.data))
         return None
@@ -249,7 +247,7 @@ def _message(data: bytes) -> bytes:
 # SQLite
 
 
-def sqlite_messages(path: Path, wanted: Wanted, tell: Tell) -> Iterator[Message]:
+def sqlite_messages(path: Path, tell: Tell) -> Iterator[Message]:
     """Of a rosbag2 database."""
     uri = f"file:{path.resolve().as_posix().replace('?', '%3f').replace('#', '%23')}?mode=ro"
     try:
@@ -264,9 +262,9 @@ def sqlite_messages(path: Path, wanted: Wanted, tell: Tell) -> Iterator[Message]
             kept = {}
             for number, name, type_, form in database.execute(f"SELECT {asked} FROM topics"):
                 topic = topic_named(str(name))
-                if form == "cdr" and wanted(topic):
+                if form == "cdr":
                     kept[number] = topic, type_named(str(type_))
-                elif wanted(topic):
+                else:
                     tell(f"{topic} is encoded as {form!r}: left out")
             ours = ", ".join(map(str, kept))
             asked = "CAST(topic_id AS INTEGER) AS t, CAST(timestamp AS INTEGER), CAST(data AS BLOB)"

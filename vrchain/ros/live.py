@@ -19,7 +19,7 @@ from vrchain.geometry import Pose, placed, relative, rotation_z
 from vrchain.panorama import Panorama
 from vrchain.robot import STOP, UNSEEN_M, Drive, Observation
 from vrchain.ros.cameras import picture_of
-from vrchain.ros.contents import Contents, Topic, keep, yaw_of
+from vrchain.ros.contents import Contents, Topic, ahead_s, keep, yaw_of
 from vrchain.ros.formats import Message
 from vrchain.ros.messages import (
     COMPRESSED,
@@ -41,6 +41,7 @@ from vrchain.simulation.sensors import N_BEAMS, RANGE_MAX_M
 _KEPT = 300  # poses of odometry
 _PICTURES = 30  # of each camera, until there is one of each: some come a second late
 _SAID_EVERY_S = 0.1  # a command, while it is driven
+_AHEAD_S = 1.0  # of odometry: then a picture tells no place
 _STALE_S = 1.0  # odometry or ranges that are older: the robot stands until new ones come
 
 
@@ -72,7 +73,7 @@ class LiveRobot:
         self._heard_s = {"odometry": -np.inf, "ranges": -np.inf}
         self._images: dict[str, deque[Message]] = {}
         self._listen(rig, slop_s)
-        topic = self._prefix + str(rig.get("velocity", "cmd_vel"))
+        topic = posixpath.join(self._prefix, str(rig.get("velocity", "cmd_vel")))
         self._stamped = bool(rig.get("velocity_stamped", False))
         self._wheels = ros.advertise(topic, STAMPED if self._stamped else TWIST)
         self._make = Messages(ros.ros1)
@@ -124,6 +125,13 @@ class LiveRobot:
         finally:
             for end in ends.values():
                 end()
+        for topic in found.topics:
+            apart_s = ahead_s(contents.topics[topic], contents.topics[found.odometry])
+            if apart_s > _AHEAD_S:
+                raise BagError(
+                    f"{self._name}: the clock of {topic} is {apart_s:.1f} s ahead of that of "
+                    f"{found.odometry}: set them alike"
+                )
         self._ros.subscribe(found.odometry, ODOMETRY, self._take_odometry)
         self._ros.subscribe(scanned, SCAN, self._take_scan)
         self._kinds = {topic: contents.topics[topic].type for topic in found.topics}
@@ -173,7 +181,7 @@ class LiveRobot:
                 return Observation(time_ns, pose, ring_of(self._scan, self._laser))
         self._say(STOP)
         rig, view = self._seen_by.ring.rig, None
-        if not look and rig.n_views > 1:
+        if not look:
             assert towards_rad is not None
             view = int(rig.view_of_bearing(towards_rad))
         topics = self._seen_by.topics
@@ -204,7 +212,7 @@ class LiveRobot:
     def _moment(self, topics: Sequence[str]) -> tuple[list[NDArray[np.uint8]], int]:
         """Pictures of these topics that were taken within the slop, from now on, and when."""
         with self._changed:
-            self._await(lambda: bool(self._poses), "odometry")
+            self._await(self._is_fresh, "odometry and ranges")
             since_ns = self._poses[-1][0]
             self._images = {topic: deque(maxlen=_PICTURES) for topic in topics}
         ends = [self._ros.subscribe(t, self._kinds[t], self._take_image) for t in topics]
@@ -304,8 +312,10 @@ def laser_in(
     (topic,) = scans
     pose = contents.of(prefix).pose_in(topic.frame, base)
     if "laser_bearing_deg" in rig:
-        pose = np.eye(4)
-        pose[:3, :3] = rotation_z(np.radians(float(rig["laser_bearing_deg"])))
+        pose, told = np.eye(4), rig["laser_bearing_deg"]
+        if not isinstance(told, int | float) or not np.isfinite(told):
+            raise BagError(f"{name}: expected degrees as laser_bearing_deg in --rig, got {told!r}")
+        pose[:3, :3] = rotation_z(np.radians(told))
     if pose is None:
         raise BagError(
             f"{name}: no transform leads from its laser, {topic.frame}, to {base}: publish it as "

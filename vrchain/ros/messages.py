@@ -74,9 +74,9 @@ def stamp_ns(message: Message) -> int:
 
 
 def is_jpeg(image: Any) -> bool:
-    """Whether a message holds JPEG bytes with their colours in JPEG's own order."""
+    """Whether a message holds JPEG bytes with colours, and these in JPEG's own order."""
     coded = not hasattr(image, "encoding") and bytes(image.data[:2]) == b"\xff\xd8"
-    return coded and not _exchanged(image.format)
+    return coded and not _exchanged(image.format) and not _is_mosaic(image.format)
 
 
 def rgb_of(image: Any, label: str | None = None) -> NDArray[np.uint8]:
@@ -99,10 +99,9 @@ def _rgb_of(image: Any, label: str | None) -> NDArray[np.uint8]:
         picture = cv2.imdecode(coded, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
     if picture is None:
         raise ImageError(f"expected a compressed image ({image.format!r}), got other bytes")
-    told = image.format.partition(";")
     bgr = _eight_bits(picture)
-    if told[0].startswith("bayer") and "compressed bgr" not in told[2]:
-        return _bayer(np.ascontiguousarray(bgr[..., 0]), told[0])
+    if _is_mosaic(image.format):
+        return _bayer(np.ascontiguousarray(bgr[..., 0]), image.format.partition(";")[0])
     exchanged = label.startswith("bgr") if label else _exchanged(image.format)
     return bgr if exchanged else np.asarray(cv2.cvtColor(bgr, cv2.COLOR_BGR2RGB), np.uint8)
 
@@ -114,6 +113,11 @@ def _exchanged(label: str) -> bool:
     """
     encoding, told, coded = label.partition(";")
     return bool(told) and encoding.startswith(("rgb", "bgr")) and "compressed bgr" not in coded
+
+
+def _is_mosaic(label: str) -> bool:
+    """Whether each pixel has one colour of a Bayer pattern."""
+    return label.startswith("bayer") and "compressed bgr" not in label
 
 
 def _plain(image: Any, label: str) -> NDArray[np.uint8]:

@@ -1,5 +1,6 @@
 """A simulated robot behind ROS topics: for whoever drives, it is a robot like another."""
 
+import math
 import time
 from collections.abc import Callable
 from threading import Lock
@@ -43,8 +44,11 @@ class PlayedRobot:
 
     def _take(self, message: Message) -> None:
         twist = opened(message)
+        speed_m_s, turn_rad_s = float(twist.linear.x), float(twist.angular.z)
+        if not (math.isfinite(speed_m_s) and math.isfinite(turn_rad_s)):
+            return
         with self._lock:
-            self._command = Drive(float(twist.linear.x), float(twist.angular.z))
+            self._command = Drive(speed_m_s, turn_rad_s)
             self._until_s = time.monotonic() + _DRIVES_ON_S
 
     def run(self, goes_on: Callable[[bool], bool]) -> None:

@@ -4,7 +4,7 @@ The first reading tells when to look; the second opens the pictures of those loo
 published before a break is found in the ledger, and the same call goes on from there.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from itertools import combinations
@@ -21,7 +21,7 @@ from vrchain.publisher import LOOK_EVERY_M, Examine, Publication, Publisher, loo
 from vrchain.robot import Observation, UpdateRules
 from vrchain.ros.cameras import picture_of
 from vrchain.ros.contents import contents_of
-from vrchain.ros.formats import Message
+from vrchain.ros.formats import Message, Tell
 from vrchain.ros.messages import is_jpeg, opened
 from vrchain.ros.robots import Moment, Recorded, load_rig, robot_in
 from vrchain.ros.storage import messages
@@ -29,8 +29,6 @@ from vrchain.ros.storage import messages
 SLOP_S = 0.05
 _AHEAD_NS = 60_000_000_000  # by which a clock may be ahead
 _TRIES = 3  # of later moments, where a look's pictures are broken
-
-Tell = Callable[[str], None]
 
 
 @dataclass(frozen=True)
@@ -254,10 +252,11 @@ def publish_bags(
         players.append(_Player(recorded, publisher, ledger, tell, looks, pictures))
     del contents
     seen = pictures.seen = dict.fromkeys(pictures.asked, -1)
-    for message in messages(bags, seen.__contains__):
-        seen[message.topic] += 1
-        for player, look, camera in pictures.asked[message.topic].pop(seen[message.topic], ()):
-            player.take(look, camera, message)
+    for message in messages(bags):
+        if message.topic in seen:
+            seen[message.topic] += 1
+            for player, look, camera in pictures.asked[message.topic].pop(seen[message.topic], ()):
+                player.take(look, camera, message)
     return [player.played() for player in players]
 
 

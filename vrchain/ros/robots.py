@@ -1,7 +1,7 @@
 """One robot in bags: its way by odometry, its cameras, and when all of them show one moment."""
 
 import posixpath
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -23,6 +23,7 @@ from vrchain.ros.cameras import (
     ring_of,
 )
 from vrchain.ros.contents import OF_TF, Contents, Times, Topic, clocked
+from vrchain.ros.formats import Tell
 from vrchain.ros.messages import COMPRESSED, IMAGE, INFO, ODOMETRY
 from vrchain.yaml_text import load_yaml
 
@@ -103,9 +104,6 @@ class Recorded:
         }  # fmt: skip
 
 
-Tell = Callable[[str], None]
-
-
 def load_rig(path: Path | None) -> Mapping[str, Any]:
     """A rig's file; empty without one. BagError."""
     if path is None:
@@ -175,15 +173,17 @@ def _odometry(
 ) -> Topic:
     """What the rig names, odometry or poses; else odometry; else what transforms tell."""
     found = [t for t in own.values() if t.poses and not t.name.endswith(OF_TF)]
+    there = ", ".join(t.name for t in found) or "none"
     if "odometry" in rig:
-        asked = [t for t in found if t.name == prefix + str(rig["odometry"]).lstrip("/")]
+        wanted = posixpath.join(prefix, str(rig["odometry"]))
+        if not (asked := [t for t in found if t.name == wanted]):
+            raise BagError(f"{name}: the rig's odometry {wanted} is not there: there is {there}")
     else:
         asked = [t for t in found if t.type == ODOMETRY]
         moved = [contents.topics.get(f"{p}odom{OF_TF}") for p in (prefix, "/")]
         if not asked and (asked := [t for t in moved if t is not None and t.poses][:1]):
             tell(f"{name}: no {ODOMETRY} was recorded: transforms from {asked[0].name} are used")
     if not asked:
-        there = ", ".join(t.name for t in found) or "none"
         raise BagError(f"{name}: expected {ODOMETRY} under {prefix}, there is {there}: record it")
     asked.sort(key=lambda t: (not t.name.endswith("/odom"), len(t.name), t.name))
     if len(asked) > 1:
@@ -229,7 +229,7 @@ def _camera_topics(
     name: str, prefix: str, own: Mapping[str, Topic], rig: Mapping[str, Any], tell: Tell
 ) -> list[tuple[Topic, Mapping[str, Any]]]:
     """The topics of pictures that are used, each camera once, and what the rig tells of it."""
-    if "cameras" in rig:
+    if rig.get("cameras"):
         chosen = []
         for told in rig["cameras"]:
             full = posixpath.join(prefix, str(told.get("topic", told.get("rostopic", ""))))

@@ -17,7 +17,6 @@ from vrchain.ros.formats import (
     Damage,
     Message,
     Tell,
-    Wanted,
     mcap_messages,
     ros1_messages,
     sqlite_messages,
@@ -41,27 +40,25 @@ def files_of(bag: str | Path) -> list[Path]:
     return sorted(found, key=lambda p: ([int(n) for n in re.findall(r"\d+", p.name)], p.name))
 
 
-def messages(
-    bags: Iterable[str | Path], wanted: Wanted = lambda topic: True, tell: Tell = lambda line: None
-) -> Iterator[Message]:
+def messages(bags: Iterable[str | Path], tell: Tell = lambda line: None) -> Iterator[Message]:
     """The messages of several bags, by when they were received.
 
     tell: is given a line for each file that is damaged; what comes before the damage is read.
-    BagError: a file is no bag. wanted: of which topics.
+    BagError: a file is no bag. All of them: how those of two bags follow one another rests on each.
     """
     require("rosbags", "mcap", what="reading bags", error=BagError)
     files = [files_of(bag) for bag in bags]
     yield from merge(
-        *(chain.from_iterable(_messages_of(p, wanted, tell) for p in each) for each in files),
+        *(chain.from_iterable(_messages_of(p, tell) for p in each) for each in files),
         key=lambda m: m.received_ns,
     )
 
 
-def _messages_of(path: Path, wanted: Wanted, tell: Tell) -> Iterator[Message]:
+def _messages_of(path: Path, tell: Tell) -> Iterator[Message]:
     count = 0
     try:
         with path.open("rb") as file:
-            for message in _reader_of(path, file)(wanted, lambda line: tell(f"{path}: {line}")):
+            for message in _reader_of(path, file)(lambda line: tell(f"{path}: {line}")):
                 count += 1
                 yield message
     except OSError as error:
@@ -70,24 +67,24 @@ def _messages_of(path: Path, wanted: Wanted, tell: Tell) -> Iterator[Message]:
         tell(f"{path}: {damage}; used are {count} messages before that")
 
 
-def _reader_of(path: Path, file: IO[bytes]) -> Callable[[Wanted, Tell], Iterator[Message]]:
+def _reader_of(path: Path, file: IO[bytes]) -> Callable[[Tell], Iterator[Message]]:
     start = file.read(16)
     file.seek(0)
     if start.startswith(b"#ROSBAG V2.0"):
-        return lambda wanted, tell: ros1_messages(file, wanted, tell)
+        return lambda tell: ros1_messages(file, tell)
     if start.startswith(b"\x89MCAP0\r\n"):
-        return lambda wanted, tell: mcap_messages(file, wanted, tell)
+        return lambda tell: mcap_messages(file, tell)
     if start.startswith(b"SQLite format 3\0"):
-        return lambda wanted, tell: sqlite_messages(path, wanted, tell)
+        return lambda tell: sqlite_messages(path, tell)
     if start.startswith(ZSTD):
-        return lambda wanted, tell: _unpacked(path, file, wanted, tell)
+        return lambda tell: _unpacked(path, file, tell)
     if start.startswith(b"version https://"):
         raise BagError(f"{path}: expected a bag, got a Git LFS pointer to it: run `git lfs pull`")
     came = "an empty file" if not start else f"one that begins with {start[:12]!r}"
     raise BagError(f"{path} is no bag: expected a ROS 1 bag of version 2.0, MCAP or SQLite, {came}")
 
 
-def _unpacked(path: Path, file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterator[Message]:
+def _unpacked(path: Path, file: IO[bytes], tell: Tell) -> Iterator[Message]:
     """Of a file that was compressed as a whole."""
     import zstandard
 
@@ -103,4 +100,4 @@ def _unpacked(path: Path, file: IO[bytes], wanted: Wanted, tell: Tell) -> Iterat
             if left <= 0:
                 tell(f"it unpacks to more than {_MOST_TIMES} times its size: cut there")
         with plain.open("rb") as unpacked:
-            yield from _reader_of(plain, unpacked)(wanted, tell)
+            yield from _reader_of(plain, unpacked)(tell)
