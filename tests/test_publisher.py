@@ -89,6 +89,18 @@ def test_another_goes_on_from_what_was_published(tmp_path: Path) -> None:
         assert moved(ledger) == [None, 4.0]
 
 
+def test_who_goes_on_may_have_appended_anything_else(tmp_path: Path) -> None:
+    with team_ledger(tmp_path / "ledger", ["R1"], 1) as ledger:
+        ledger.publish("R1", simulated_key(1, "R1"), b"a note", "start", 0)
+        heir = publisher(ledger)
+        heir.resume(Pose(0, 0))
+        _, published = heir.looked(at(4.0, 2))
+        assert published is not None
+        newest = ledger.history("R1")[-1]
+        told = decode_record(ledger.payload(newest.landmarks_digest)).moved
+        assert told is not None and told.x_m == 4.0
+
+
 def test_a_panorama_that_is_encoded_already_is_published_as_it_is(tmp_path: Path) -> None:
     with team_ledger(tmp_path / "ledger", ["R1"], 1) as ledger:
         seen = at(0.0)

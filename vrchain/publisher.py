@@ -9,6 +9,7 @@ from typing import Generic, TypeVar
 
 import numpy as np
 
+from vrchain.errors import ImageError
 from vrchain.geometry import Pose, relative
 from vrchain.landmarks.extraction.record import LandmarkRecord, encode_record
 from vrchain.ledger import Ledger, SigningKey
@@ -104,7 +105,7 @@ class Publisher:
             return
         try:
             panorama = Panorama.decode(self._ledger.payload(last.payload_digest))
-        except DroppedError:
+        except (DroppedError, ImageError):  # or anything else that was appended for it
             panorama = None
         seen = Observation(last.timestamp_ns, here, np.zeros(0), panorama=panorama)
         self.monitor.published(seen)

@@ -9,13 +9,14 @@ import numpy as np
 import pytest
 import shapely
 import worlds
+from blind import Nowhere, blind
 from hamlet import GOAL, hamlet, moved, on_grid
 from sights import RIG
 
 from vrchain.errors import LedgerError, MissionError
 from vrchain.geometry import Pose, rotation_z
 from vrchain.landmarks.retrieval.index import LandmarkIndex
-from vrchain.ledger import Ledger, verify
+from vrchain.ledger import Ledger, simulated_key, verify
 from vrchain.navigation.goal.recognition import goal_from
 from vrchain.navigation.mission import MissionResult, drive_mission
 from vrchain.navigation.perception import learned_perception
@@ -27,6 +28,7 @@ from vrchain.simulation import mission
 from vrchain.simulation.mission import MARKER, MissionRun, save_log
 from vrchain.simulation.simulator import Simulator
 from vrchain.simulation.task import SUCCESS_RANGE_M
+from vrchain.simulation.team import assemble, team_ledger
 from vrchain.world import load_scene
 from vrchain.world.model import Scene
 from vrchain.world.truth import GroundTruth
@@ -92,6 +94,21 @@ def test_the_log_can_be_stored(driven: tuple[MissionRun, Path], tmp_path: Path) 
     assert np.allclose(2 * np.arctan2(*truth[-1, 6:]), run.final_pose.yaw_rad)
     assert np.ptp(odometry - truth, axis=0)[:3].max() > 0  # it is noisy
     assert len(list(tmp_path.glob("*.tum"))) == 2 * len(run.task.places)
+
+
+def test_a_member_may_have_appended_anything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its newest is no panorama: that leads nobody, and ends nobody's mission."""
+    monkeypatch.setattr(mission, "goal_from", lambda *given: Nowhere())
+    outset = mission.set_out(hamlet(), 2, 2, "R1", GOAL, RIG)
+    with team_ledger(tmp_path / "ledger", ["R1", "R2", "X"], 1) as ledger:
+        ledger.publish("X", simulated_key(1, "X"), b"hello", "start", 0)
+        robots = assemble(outset[0], ledger, 1, examine=blind().record)
+        robots["R2"].observe(look=True)
+        config = MissionConfig(limit_s=2.0)
+        run = mission.send("R1", robots["R1"], outset, ledger, blind(), config)
+    assert not run.result.arrived and [*run.panoramas] == ["R2"]
 
 
 @pytest.mark.parametrize(

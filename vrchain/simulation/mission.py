@@ -6,6 +6,7 @@
 
 import json
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TypeAlias
@@ -15,6 +16,7 @@ import pandas as pd
 import shapely
 from numpy.typing import NDArray
 
+from vrchain.errors import VRChainError
 from vrchain.geometry import Pose
 from vrchain.landmarks.extraction.weights import SHIPPED
 from vrchain.ledger import Ledger
@@ -130,7 +132,10 @@ def send(
     scene, started_ns = simulator.scene, simulator.clock_ns
     bumped = simulator.collisions(robot)
     published, index = published_of(ledger, robot), index_of(ledger, perception)
-    panoramas = {n: index.panorama(p.digest) for n, p in published().items()}
+    panoramas = {}
+    for name, newest in published().items():
+        with suppress(VRChainError):  # whatever a member appended
+            panoramas[name] = index.panorama(newest.digest)
     share = pictured_share(scene, task.goal, task.goal_poses)
     shown = goal_from(pictures, weights, share)
     result = drive_mission(robot, body, published, index, shown, perception, config, tell)
