@@ -52,8 +52,8 @@ def driven(
     monkeypatch.setattr(draw, "WAY_M", (12.0, 60.0))
     with monkeypatch.context() as patched:
         patched.setattr(drive, "Simulator", simulator)
-        patched.setattr(drive, "Renderer", lambda scene: now)
-        patched.setattr(drive, "_renderer", lambda scenes, seed, k: then)
+        renderers = iter([now, then])
+        patched.setattr(drive, "Renderer", lambda scene: next(renderers))
         patched.setattr(drive, "learned_perception", blind)
         nowhere = Nowhere()
         patched.setattr(drive, "goal_from", lambda pictures, share: nowhere)

@@ -190,6 +190,8 @@ def test_the_figures_of_made_up_missions() -> None:
     low, high = ledger["success_ci"]
     assert low <= ledger["success"] <= high
     assert ledger["chain_lengths"] == {"0": 2, "1": 2, "2": 2}
+    place = pd.DataFrame(rows).assign(chain=0, chain_way_m=None)  # driven to in their stead
+    assert summarise(place, drawn)["ledger"]["chain_lengths"] == {"0": 6}
     assert ledger["rejected_draws"] == {"way too long": 12}
     assert [ledger[name] for name in MEANS[:7]] == [1, 2, 1, 3, 80, 90, 400]
     assert ledger["success_150_s_ci"] == pytest.approx([0.0, 0.459], abs=1e-3)  # exact: 0 of 6

@@ -106,12 +106,6 @@ class Conditions:
         return replace(rig, camera_height_m=rig.camera_height_m + self.goal_rise_m)
 
 
-@lru_cache(maxsize=1)
-def _renderer(scenes: Scenes, seed: int, k: int) -> Renderer:
-    """Of the one at work."""
-    return Renderer(scenes.scene(seed, k))
-
-
 class _Recalled(Renderer):
     """Draws what it drew before from memory: two arms begin with the same patrol."""
 
@@ -167,13 +161,14 @@ class Suburb:
         self.truth, self.renderer = GroundTruth(self.scene), Renderer(self.scene)
         self.ground = Ground(self.scene, self.truth, rig)
         self._scenes = scenes
+        self._other = lru_cache(maxsize=1)(lambda other: Renderer(other.scene(seed, k)))
         # of the mission at work
         self._recalled = lru_cache(maxsize=1)(lambda renderer, mission: _Recalled(renderer))
 
     def _before(self, conditions: Conditions) -> Renderer:
         """Draws the scene as it was on the others' patrol."""
         scenes = self._scenes.at(conditions.season, conditions.time)
-        return self.renderer if scenes is self._scenes else _renderer(scenes, self.seed, self.k)
+        return self.renderer if scenes is self._scenes else self._other(scenes)
 
     def drive(self, mission: Mission, arm: str, conditions: Conditions) -> dict[str, object]:
         """Drive a mission by one arm: a row of ``success.evaluate``'s table, and its log."""

@@ -205,7 +205,6 @@ def summarise(table: pd.DataFrame, missions: Sequence[Mission]) -> dict[str, dic
     led there.
     """
     told = Bootstrap(table.suburb, "navigation")
-    lengths = Counter(len(m.chain.landmarks) if m.chain else 0 for m in missions)
     rejected = sum((Counter(m.rejected) for m in missions), Counter[str]())
     found: dict[str, dict[str, object]] = {}
     successes = {}
@@ -214,7 +213,7 @@ def summarise(table: pd.DataFrame, missions: Sequence[Mission]) -> dict[str, dic
         found[str(arm)] = {
             **_summary(own, told),
             "routes": _routes(own),
-            "chain_lengths": {str(n): lengths[n] for n in sorted(lengths)},
+            "chain_lengths": {str(n): k for n, k in sorted(Counter(own.chain.tolist()).items())},
             "rejected_draws": dict(rejected),
         }
     if {"ledger", "alone"} <= found.keys():
