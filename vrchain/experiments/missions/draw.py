@@ -139,7 +139,8 @@ class Ground:
         if (away_m[np.triu_indices(n, 1)] < _APART_M).any():
             return "robots in one place"
         poses = [Pose(*map(float, stand)) for stand in stands]
-        zone = self._zone(poses[-1] if target is None else target)
+        end = poses[-1] if target is None else target
+        zone = self._zone(end)
         far_m = views.far_m(poses[0])
         way_m = float(far_m[zone].min()) if len(zone) else np.inf
         if not least_m <= way_m <= WAY_M[1]:
@@ -154,7 +155,6 @@ class Ground:
         if in_view:
             return "goal in view"
         team = dict(zip(names, poses, strict=False))
-        end = poses[-1] if target is None else target
         chain = self.chains.chain(team, end, far_m, zone, views, least)
         if least and chain is None:
             return f"no chain of {least} or more"
