@@ -20,6 +20,7 @@ LEVELS = {
     "seeding": 0,
     "paths": 0,
     "extras": 0,
+    "interrupts": 0,
     "files": 0,
     "allocator": 0,
     "lazy": 0,
@@ -52,6 +53,7 @@ ONLY = {
         "paths",
         "files",
         "extras",
+        "interrupts",
     },  # a payload is bytes and their digest
     "panorama": {"errors", "geometry", "seeding", "files"},
     "homing": {"errors", "geometry", "seeding", "plugins", "panorama", "landmarks"},

@@ -5,7 +5,6 @@ import signal
 import subprocess
 import sys
 import tempfile
-import threading
 import time
 from functools import partial
 from pathlib import Path
@@ -14,7 +13,7 @@ import pytest
 from worlds import ROOT
 
 from vrchain.errors import MissionError, WorkerError
-from vrchain.experiments.workers import _uninterrupted, each
+from vrchain.experiments.workers import each
 
 
 def write(folder: Path, number: int) -> int:
@@ -55,24 +54,6 @@ def test_a_failure_is_told_and_ends_all(jobs: int, tmp_path: Path) -> None:
         each(partial(fail, tmp_path), range(6), jobs, "numbers")
     assert time.monotonic() - begun_s < 90  # nobody sleeps on
     assert len(list(tmp_path.iterdir())) < 5
-
-
-def test_a_signal_that_another_thread_receives_waits_too() -> None:
-    """As those of linear algebra do; Python's handlers run in the main thread all the same."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    ended, done = threading.Event(), []
-    other = threading.Thread(target=ended.wait)
-    other.start()
-    try:
-        with pytest.raises(KeyboardInterrupt), _uninterrupted():
-            signal.pthread_kill(other.ident or 0, signal.SIGINT)
-            done += [time.sleep(0.01) for _ in range(20)]
-        assert len(done) == 20
-        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
-    finally:
-        signal.signal(signal.SIGINT, before)
-        ended.set()
-        other.join()
 
 
 def die(number: int) -> None:

@@ -322,3 +322,20 @@ def test_bad_input_is_one_line_and_changes_nothing(home: Path, line: str) -> Non
     assert everything(home) == before
     with Ledger.open("L") as ledger:
         assert ledger.head.height == 0
+
+
+@pytest.mark.parametrize("is_made", [True, False])
+def test_an_interrupt_keeps_the_keys_of_a_ledger_that_is_there(is_made: bool, home: Path) -> None:
+    """Else nobody could ever sign in it; those of none are taken back."""
+    create = Ledger.create
+
+    def interrupted(*given: Any, **more: Any) -> Ledger:
+        if is_made:
+            create(*given, **more).close()
+        raise KeyboardInterrupt
+
+    with patch("vrchain.cli.ledger.Ledger.create", interrupted):
+        done = CliRunner().invoke(app, ["init", "L", "--member", "R1", "--keys", "keys"])
+    assert done.exit_code != 0 and (home / "L").exists() == is_made
+    kept = sorted(path.name for path in home.glob("keys/*"))
+    assert kept == (["R1.pem", "operator.pem"] if is_made else [])

@@ -21,6 +21,7 @@ from vrchain.ledger.cluster.servers import CONFIGURED, MARKER, Cluster
 from vrchain.ledger.errors import ClusterError, GapError, OvertakenError, UnavailableError
 from vrchain.ledger.export import entry_json
 from vrchain.ledger.network.connection import Connection, Servers
+from vrchain.ledger.network.log import check_is_part_of
 from vrchain.ledger.network.log import put as put_blocks
 from vrchain.ledger.network.maker import Maker
 from vrchain.ledger.network.offers import Offers
@@ -31,7 +32,6 @@ from vrchain.ledger.network.stream import Stream
 from vrchain.ledger.network.watching import watched
 from vrchain.ledger.records.fields import check_name
 from vrchain.ledger.rules.limits import UNLIMITED, Limits
-from vrchain.ledger.storage.place import OUTBOX_NAME
 
 app = typer.Typer(no_args_is_help=True, help="Servers that carry a team's ledger.")
 
@@ -82,17 +82,16 @@ def up(
     if maker and ledger is None:
         raise ClusterError("--maker needs --ledger: without, servers let anyone make blocks")
     there = Cluster.load(output) if (output / MARKER).exists() else None
-    if there is not None:
-        _check_same(there, output, nodes, host)
     users, key, ledger_id = None, None, ""
-    if ledger is not None:
-        with Ledger.open(ledger) as opened:
+    with contextlib.nullcontext() if ledger is None else Ledger.open(ledger) as opened:
+        if opened is not None:
             ledger_id = opened.genesis.id.hex()
-            if there is not None and there.ledger_id != ledger_id:
-                _refuse_others(output, "--ledger")
+        if there is not None:
+            _check_same(there, output, nodes, host, ledger_id)
+        if opened is not None:
             users, key = _users(opened, maker), signer(opened, keys, OPERATOR, simulated)
-        if there is not None and not there.lets_in(users):
-            there.let_in(users)
+    if there is not None and users is not None and not there.lets_in(users):
+        there.let_in(users)
     cluster = there or Cluster.make(output, nodes or 3, users, host or "127.0.0.1", ledger_id)
     before = {node.name for node in cluster.nodes if cluster.process(node.name)}
     try:
@@ -216,13 +215,15 @@ def put(
     as_json: Json = False,
 ) -> None:
     """Put a ledger's blocks on servers, those that they lack: at first, or when they lost them."""
-    with Ledger.open(ledger) as opened:
+    with Ledger.open(ledger, writable=True) as opened:
         key = None if anonymous else signer(opened, keys, OPERATOR, simulated)
         servers = Servers.at(address, key=key, name=OPERATOR, ca=ca)
         with contextlib.closing(Stream(Connection(servers))) as stream, doing("putting blocks"):
             set_up(stream.connection, replicas, int(max_gb * 1e9) if max_gb else None)
-            count = put_blocks(opened, stream, stream.newest())
-        (opened.folder / OUTBOX_NAME).mkdir(exist_ok=True)  # from now on it follows them
+            height = stream.newest()
+            check_is_part_of(opened, stream, min(height, opened.head.height))
+            opened.follow_from_now()
+            count = put_blocks(opened, stream, height)
         result = {"blocks": count, "height": opened.head.height, "head": opened.head.hash.hex()}
     _say(as_json, result, f"put {count} blocks on {address}; they hold up to {result['height']}")
 
@@ -303,21 +304,15 @@ def watch(
 
 
 def _check_same(
-    there: Cluster,
-    output: Path,
-    nodes: int | None,
-    host: str | None,
+    there: Cluster, output: Path, nodes: int | None, host: str | None, ledger_id: str
 ) -> None:
-    """Refuse what cannot be asked of a cluster that is there; of its ledger, ``up`` looks."""
+    """Refuse what cannot be asked of a cluster that is there."""
     others = {
+        "--ledger": ledger_id != there.ledger_id,
         "--nodes": nodes not in (None, len(there.nodes)),
         "--host": host not in (None, there.nodes[0].host),
     }
-    _refuse_others(output, *(option for option, is_other in others.items() if is_other))
-
-
-def _refuse_others(output: Path, *options: str) -> None:
-    if options:
+    if options := [option for option, is_other in others.items() if is_other]:
         raise ClusterError(
             f"{output} holds a cluster that was made with other {', '.join(options)}: go on with "
             "it as it is, or end it with vrchain cluster down and choose another -o"

@@ -14,6 +14,7 @@ from vrchain.cli.ledger_keys import (
     default_keys,
     handed_on,
     is_enrolled,
+    is_made,
     key_of,
     saved_keys,
     writable,
@@ -25,6 +26,7 @@ from vrchain.cli.ledger_panoramas import (
     panorama_in,
     route,
 )
+from vrchain.cli.options import Json
 from vrchain.errors import printable
 from vrchain.files import check_output_file, check_output_folder, check_outside, write_file
 from vrchain.ledger import OPERATOR, Ledger, errors, random_key
@@ -42,7 +44,6 @@ app = typer.Typer(no_args_is_help=True, help="Make, fill, look at and check a le
 app.command()(route)
 
 Folder = Annotated[Path, typer.Argument(metavar="LEDGER", help="The ledger's folder.")]
-Json = Annotated[bool, typer.Option("--json", help="One JSON object instead of text.")]
 Keys = Annotated[
     Path | None,
     typer.Option(
@@ -79,7 +80,7 @@ def init(
         raise errors.KeyFileError(f"keys stay outside ledgers, but {key_folder} lies in {ledger}")
     public, now_ns = {robot: signing[robot].public for robot in members}, time.time_ns()
     with (
-        saved_keys(key_folder, signing),
+        saved_keys(key_folder, signing, lambda: is_made(ledger, signing[OPERATOR].public)),
         Ledger.create(
             ledger, public, signing[OPERATOR], timestamp_ns=now_ns, name=name, salt=os.urandom(16)
         ) as made,

@@ -20,7 +20,7 @@ from vrchain.ledger import (
     save_key,
     simulated_key,
 )
-from vrchain.ledger.errors import KeyFileError, LogError, UnavailableError
+from vrchain.ledger.errors import KeyFileError, LogError, NotALedgerError, UnavailableError
 from vrchain.ledger.network.opening import open_ledger
 from vrchain.ledger.network.robot import RobotLedger
 from vrchain.ledger.storage.durable import sync_folder
@@ -94,6 +94,17 @@ def handed_on(ledger: Ledger, made: Transaction | None = None) -> str:
         except UnavailableError as error:
             return str(error)
     return ""
+
+
+def is_made(folder: Path, operator: PublicKey) -> bool:
+    """Whether that operator's ledger is there by now; true, too, if nobody can tell."""
+    try:
+        with Ledger.open(folder) as ledger:
+            return ledger.genesis.operator == operator
+    except NotALedgerError:
+        return False
+    except LedgerError:
+        return True
 
 
 def is_enrolled(ledger: Ledger, name: str) -> bool:

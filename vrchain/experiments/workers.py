@@ -8,18 +8,18 @@ from concurrent.futures import ProcessPoolExecutor, as_completed
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import active_children, get_context, parent_process
-from threading import Thread, current_thread, main_thread
+from threading import Thread
 from typing import Any, TypeVar
 
 from tqdm.auto import tqdm
 
 from vrchain.allocator import keep_freed_memory
 from vrchain.errors import WorkerError
+from vrchain.interrupts import ENDING, uninterrupted
 
 MOST = 4  # processes, if nobody says how many: each holds a scene
 # For each of several processes that share the cores: more threads would wait for one another.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "LP_NUM_THREADS", "OPENCV_FOR_THREADS_NUM"), "1")
-_ENDING = {signal.SIGINT, signal.SIGTERM}
 
 Found = TypeVar("Found")
 
@@ -47,7 +47,7 @@ def each(
         ) as pool,
     ):
         try:
-            with _uninterrupted():
+            with uninterrupted(), _deaf():  # one half started would complain in many lines
                 begun = [pool.submit(work, number) for number in numbers]
             for done in tqdm(
                 as_completed(begun), desc=what, unit="", total=len(begun), disable=hidden
@@ -66,24 +66,13 @@ def each(
 
 
 @contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Signals wait: a process that is only half started would complain in many lines.
-
-    Blocked, which the processes inherit, and noted: another thread may get what this one blocks.
-    """
-    noted: list[int] = []
-    handlers: dict[signal.Signals, Any] = {}
-    if current_thread() is main_thread():  # where handlers run, whichever thread is told
-        handlers = {n: signal.signal(n, lambda n, frame: noted.append(n)) for n in _ENDING}
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, _ENDING)
+def _deaf() -> Iterator[None]:
+    """Signals are blocked, which processes that are started inherit, until they ignore them."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         yield
     finally:
-        for of, handler in handlers.items():
-            signal.signal(of, handler)
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
-        for number in noted:
-            signal.raise_signal(number)
 
 
 def _alone_on_a_core(scratch: str) -> None:
@@ -95,7 +84,7 @@ def _alone_on_a_core(scratch: str) -> None:
     tempfile.tempdir = scratch
     keep_freed_memory()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.pthread_sigmask(signal.SIG_UNBLOCK, _ENDING)
+    signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
     os.environ.update(ONE_THREAD)
 
 

@@ -286,6 +286,11 @@ class Ledger(Reader):
         self.state = after
         lap("append_memory")
 
+    def follow_from_now(self) -> None:
+        """Nobody writes in the folder alone any more: it follows servers. StorageError kinds."""
+        with self._turn():
+            (self.folder / OUTBOX_NAME).mkdir(exist_ok=True)
+
     def _writing(self) -> contextlib.AbstractContextManager[None]:
         """In which a block is made and appended, with everything that others wrote taken in."""
         return self._turn()

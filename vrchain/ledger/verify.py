@@ -93,6 +93,8 @@ def _verify(
                 state = follow(state, *entry) if state else begin(*entry)
                 for record in entry.records:
                     retention.take(record, height)
+                    for blob in getattr(record, "blobs", ()):  # it may have come again since
+                        missing.pop(blob, None)
                     missing |= _missing(blobs, record)
                 known = known or entry.block.hash == expected_head
                 height += 1

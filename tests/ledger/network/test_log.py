@@ -69,6 +69,23 @@ def test_what_was_put_comes_out_in_order_with_every_blob(log: Log, folder: Path)
     assert list(log.follow(5)) == []
 
 
+def test_a_log_that_lost_its_first_block_is_followed_by_who_has_it(
+    log: Log, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with Replicated.join(tmp_path / "own", log):
+        pass
+    follow = log.follow
+
+    def lacks_one(after: int, wait_s: float = 0.0) -> Iterator[object]:
+        if after < 0:
+            raise GapError("a server lacks block 0")
+        yield from follow(after, wait_s)
+
+    monkeypatch.setattr(log, "follow", lacks_one)
+    with Replicated.join(tmp_path / "own", log) as own:
+        assert own.catch_up() == 5
+
+
 def test_a_folder_is_begun_and_comes_to_the_same_head(
     log: Log, folder: Path, tmp_path: Path
 ) -> None:

@@ -104,8 +104,10 @@ def test_what_follows_a_refused_one_is_signed_anew_and_valid(
     anew = [offer.transaction for offer in office.offers]
     assert [t.sequence for t in anew] == [3, 4] and anew[0].previous == signed[0].id
     assert [sender.goes_out_as(t) for t in (signed[0], *signed[2:])] == [signed[0], *anew]
-    with pytest.raises(errors.RefusedError, match="transaction 3 of R1 was refused: too large"):
-        sender.goes_out_as(signed[1])
+    for ask in (sender.check_refused, lambda: sender.goes_out_as(signed[1])):
+        with pytest.raises(errors.RefusedError, match="transaction 3 of R1 was refused: too large"):
+            ask()
+    sender.check_refused()  # it was told
     ledger.append_many([Offer(signed[0], b"0"), *office.offers], "R2", KEYS["R2"])
     sender.hand_on(ledger)
     assert outbox.count() == 0 and len(office.offers) == 2
@@ -216,6 +218,9 @@ def test_a_robot_is_told_what_a_maker_refuses_and_the_rest_goes_out(
             r1.wait(sent[1], PATIENCE_S)
         r1.wait(sent[3], PATIENCE_S)
         r1.wait(timeout_s=PATIENCE_S)
+        r3.publish("R3", KEYS["R3"], bytes(2000), "view", 60)
+        with pytest.raises(errors.RefusedError, match=r"of at most 1000, got .* 2000"):
+            r3.wait(timeout_s=PATIENCE_S)
         assert [r1.payload(t.payload_digest) for t in r1.history("R1")[2:]] == [b"0", b"2", b"3"]
         eventually(lambda: r3.others.get("R1") == (r1.head.height, (0, 1, 0)), "others hear of it")
     assert [m for m in caplog.messages if "transaction 3 of R1 was refused for good" in m]

@@ -16,15 +16,16 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
-from clusters import PATIENCE_S, eventually, making, skip_without_servers
+from clusters import PATIENCE_S, emptied, eventually, making, skip_without_servers
 from ledgers import KEYS, OPERATOR_KEY, files, small_ledger
 from typer.testing import CliRunner
 
 from vrchain import extras
 from vrchain.cli import app, ledger_keys
+from vrchain.cli import cluster as cluster_cli
 from vrchain.ledger import Ledger, errors, simulated_key, verify
 from vrchain.ledger.cluster import servers as module
-from vrchain.ledger.cluster.config import Users, server_config
+from vrchain.ledger.cluster.config import Node, Users, server_config
 from vrchain.ledger.cluster.monitor import asked
 from vrchain.ledger.cluster.servers import CONFIGURED, MARKER, Cluster, find_server
 from vrchain.ledger.network.connection import Connection, Servers, nkey, token
@@ -445,6 +446,52 @@ def test_an_interrupt_as_servers_start_waits_until_they_are_noted_down(
     finally:
         signal.signal(signal.SIGINT, before)
     assert left_in(tmp_path) == []
+
+
+def test_a_server_that_cannot_be_noted_down_is_ended(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    skip_without_servers()
+    cluster = Cluster.make(tmp_path / "servers", 1)
+    monkeypatch.setattr(cluster, "_pid_file", lambda name: tmp_path / "no folder" / name)
+    with pytest.raises(FileNotFoundError):
+        cluster.start()
+    assert left_in(tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    "words", [b"SSH-2.0-x\r\n", b"HTTP/1.1 200 OK\r\nContent-Length: 9\r\n\r\n{"]
+)
+def test_another_that_answers_in_a_servers_place_says_nothing(words: bytes) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as other:
+
+        def answer() -> None:
+            client, _ = other.accept()
+            with client:
+                client.recv(4096)
+                client.sendall(words)
+
+        threading.Thread(target=answer, daemon=True).start()
+        assert asked(Node("n1", "127.0.0.1", 1, 2, other.getsockname()[1]), "healthz") == {}
+
+
+def test_what_is_published_beside_putting_is_put_or_refused(
+    servers: Cluster, folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An acknowledged transaction that the servers never get would be lost to the team."""
+    put, refused = cluster_cli.put_blocks, []
+
+    def meanwhile(*given: object) -> int:
+        with Ledger.open(folder, writable=True) as own, contextlib.suppress(errors.ClusterError):
+            own.publish("R1", KEYS["R1"], b"meanwhile", "view", 100)
+            refused.append(False)
+        return put(*given)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(cluster_cli, "put_blocks", meanwhile)
+    emptied(servers)
+    said("cluster", "put", folder, servers.address, "--anonymous")
+    with Ledger.open(folder) as own:
+        assert refused == [] and newest(servers.address) == own.head.height
 
 
 def test_no_cluster_where_something_else_is(tmp_path: Path) -> None:

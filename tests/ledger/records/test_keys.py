@@ -77,3 +77,15 @@ def test_what_is_no_private_key_is_refused(tmp_path: Path) -> None:
         spoil()
         with pytest.raises(KeyFileError, match=said):
             load_key(path)
+
+
+def test_an_interrupt_leaves_no_half_written_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupted(handle: int) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+        patched.setattr(os, "fsync", interrupted)
+        save_key(random_key(), tmp_path / "R1.pem")
+    save_key(random_key(), tmp_path / "R1.pem")

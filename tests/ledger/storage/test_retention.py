@@ -69,6 +69,23 @@ def test_what_is_published_again_after_a_drop_must_be_there(folder: Path) -> Non
     assert verify(folder).first_bad_block == 7  # where it was published again
 
 
+def test_what_is_dropped_and_published_again_beside_a_verification_is_there(folder: Path) -> None:
+    with Ledger.open(folder, writable=True) as ledger:
+        first = ledger.history("R1")[0]
+        payload = ledger.payload(first.payload_digest)
+        ledger.publish("R1", KEYS["R1"], b"newer", "view", 70)
+
+    def meanwhile(done: int, total: int) -> None:
+        with Ledger.open(folder, writable=True) as other:
+            if done == 1:
+                other.drop([first.payload_digest], OPERATOR_KEY, 71)
+            elif done == 3:
+                other.publish("R1", KEYS["R1"], payload, "view", 72)
+
+    found = verify(folder, progress=meanwhile)
+    assert found.ok, found.reason
+
+
 def test_the_newest_cannot_be_dropped(folder: Path) -> None:
     before = files(folder)
     with Ledger.open(folder, writable=True) as ledger:

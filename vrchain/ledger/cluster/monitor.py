@@ -1,6 +1,7 @@
 """What servers' monitors say, which answer whoever reaches them."""
 
 import contextlib
+import http.client
 import json
 import ssl
 import urllib.error
@@ -19,7 +20,7 @@ def asked(node: Node, path: str, trusts: ssl.SSLContext | None = None) -> dict[s
     except urllib.error.HTTPError as error:
         with contextlib.suppress(ValueError):
             return json.load(error)
-    except (OSError, ValueError):
+    except (OSError, ValueError, http.client.HTTPException):
         pass
     return {}
 

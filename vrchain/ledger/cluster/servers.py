@@ -11,7 +11,6 @@ import socket
 import ssl
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict
@@ -20,6 +19,7 @@ from typing import Any
 
 from vrchain.extras import require
 from vrchain.files import check_output_folder, write_file
+from vrchain.interrupts import uninterrupted
 from vrchain.ledger.cluster.config import Node, Users, server_config
 from vrchain.ledger.cluster.monitor import asked, row_of
 from vrchain.ledger.errors import ClusterError, UnavailableError
@@ -169,14 +169,19 @@ class Cluster:
             if self.process(node.name) is None:
                 log = self.folder / f"{node.name}.log"
                 config = self.folder / f"{node.name}.conf"
-                with open(self.folder / f"{node.name}.err", "wb") as said, _uninterrupted():
+                with open(self.folder / f"{node.name}.err", "wb") as said, uninterrupted():
                     started = subprocess.Popen(
                         [binary, "-c", str(config), "-l", str(log)],
                         stdin=subprocess.DEVNULL, stdout=said, stderr=said,
                         start_new_session=True,
                     )  # fmt: skip
                     _CHILDREN[started.pid] = started
-                    self._pid_file(node.name).write_text(str(started.pid))
+                    try:
+                        self._pid_file(node.name).write_text(str(started.pid))
+                    except OSError:  # nobody would find it again
+                        started.kill()
+                        started.wait()
+                        raise
 
     def wait_ready(self, names: Sequence[str] = (), timeout_s: float = _START_S) -> None:
         """Until these servers, or all, say that they serve. UnavailableError."""
@@ -291,26 +296,6 @@ class Cluster:
 _CHILDREN: dict[
     int, "subprocess.Popen[bytes]"
 ] = {}  # so that those that have ended leave no zombie
-
-
-@contextlib.contextmanager
-def _uninterrupted() -> Iterator[None]:
-    """Ctrl-C waits until the block ends: a server that nobody has noted down would run on."""
-    if threading.current_thread() is not threading.main_thread():
-        yield  # it is not interrupted
-        return
-    came: list[int] = []
-    before = {
-        number: signal.signal(number, lambda number, frame: came.append(number))
-        for number in (signal.SIGINT, signal.SIGTERM)
-    }
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
-        if came:
-            signal.raise_signal(came[0])
 
 
 def _runs(pid: int) -> bool:

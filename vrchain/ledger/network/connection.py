@@ -14,6 +14,7 @@ from collections.abc import Awaitable, Callable, Coroutine, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
+from urllib.parse import urlsplit
 
 from vrchain.extras import require
 from vrchain.ledger.errors import (
@@ -35,6 +36,7 @@ _USER = 20 << 3  # what the 'U' before a user's key stands for
 _CHALLENGE = re.compile(r"[A-Za-z0-9_=-]{1,64}")
 _PENDING_BYTES = 1 << 25
 _COMPLAINTS = 20
+_PING_S = 5.0  # two without an answer, and a server is gone
 _SLACK_S = 5.0  # for the loop's own doings, beyond what an operation may take
 
 # The servers' error codes: https://github.com/nats-io/nats-server, server/errors.json.
@@ -69,6 +71,11 @@ class Servers:
             re.fullmatch(r"[\w.\[\]:-]+", h) for h in found
         ):
             raise ClusterError(f"expected nats://HOST,HOST,HOST or tls://..., got {address!r:.200}")
+        for host in found:
+            try:
+                _ = urlsplit(f"{scheme}://{host}").port
+            except ValueError as error:
+                raise ClusterError(f"expected HOST or HOST:PORT, got {host!r}: {error}") from None
         return cls(tuple(f"{scheme}://{host}" for host in found), **rest)
 
 
@@ -157,7 +164,9 @@ class Connection(Closing):
     async def _leave(self) -> None:
         others = asyncio.all_tasks() - {asyncio.current_task()}
         if self._client is not None:
-            await self._client.close()
+            closing = asyncio.ensure_future(self._client.close())
+            while not (await asyncio.wait([closing], timeout=0.2))[0]:
+                _let_go(self._client)
         for task in others:
             task.cancel()
         await asyncio.gather(*others, return_exceptions=True)
@@ -176,6 +185,7 @@ class Connection(Closing):
         while not self._client.is_connected:  # what is sent meanwhile would be kept and sent later
             if self._loop.time() > until:
                 raise TimeoutError
+            _let_go(self._client)
             await asyncio.sleep(0.02)
         return self._client
 
@@ -198,7 +208,10 @@ class Connection(Closing):
             options["signature_cb"] = lambda challenge: _signed(key, challenge)
             client._public_nkey = nkey(key.public)  # its own way wants one more library
         if servers.addresses[0].startswith("tls:"):
-            options["tls"] = ssl.create_default_context(cafile=servers.ca)
+            try:
+                options["tls"] = ssl.create_default_context(cafile=servers.ca)
+            except OSError as error:
+                raise ClusterError(f"cannot read certificates in {servers.ca}: {error}") from None
         connecting = client.connect(
             list(servers.addresses),
             error_cb=heard,
@@ -207,7 +220,7 @@ class Connection(Closing):
             connect_timeout=max(1, round(within_s)),
             reconnect_time_wait=0.2,  # type: ignore[arg-type]
             max_reconnect_attempts=-1,
-            ping_interval=5,
+            ping_interval=_PING_S,  # type: ignore[arg-type]
             max_outstanding_pings=2,
             inbox_prefix=f"_INBOX.{token(servers.name)}",
             pending_size=_PENDING_BYTES,
@@ -276,3 +289,10 @@ def _signed(key: SigningKey, challenge: str) -> bytes:
 
 def _dotted(version: Sequence[int]) -> str:
     return ".".join(map(str, version))
+
+
+def _let_go(client: "Client") -> None:
+    """A connection that is closing ends at once: a server that hangs never takes what is unsent."""
+    writer = getattr(client._transport, "_io_writer", None)
+    if writer is not None and writer.is_closing():
+        writer.transport.abort()

@@ -174,7 +174,10 @@ class RobotLedger(Replicated):
 
     def _is_in(self, transaction: Transaction | None) -> bool:
         if transaction is None:
-            return self.outbox.count() == 0
+            if self.outbox.count():
+                return False
+            self._sender.check_refused()
+            return True
         transaction = self._sender.goes_out_as(transaction)
         last = self.latest(transaction.robot)
         # another of its number may be there: then it is set aside, or signed anew

@@ -61,6 +61,7 @@ class Sender:
         self.keys: dict[str, SigningKey] = {}
         self._sent: dict[Path, float] = {}
         self._refused: dict[bytes, str] = {}  # by id: why it never comes into the chain
+        self._untold: dict[bytes, Transaction] = {}  # of these, what nobody has asked for
         self._instead: dict[bytes, Transaction] = {}  # by id: what was signed anew
 
     def goes_out_as(self, transaction: Transaction) -> Transaction:
@@ -68,8 +69,14 @@ class Sender:
         while transaction.id in self._instead:
             transaction = self._instead[transaction.id]
         if why := self._refused.get(transaction.id):
+            self._untold.pop(transaction.id, None)
             raise RefusedError(f"{transaction} was refused: {why}")
         return transaction
+
+    def check_refused(self) -> None:
+        """RefusedError of what was refused and nobody was told of."""
+        for transaction in list(self._untold.values()):
+            self.goes_out_as(transaction)
 
     def hand_on(self, own: Ledger) -> None:
         """Forget what is in the chain, and send what is due, a few of each robot at once."""
@@ -144,7 +151,8 @@ class Sender:
     def _set_aside(self, robot: str, sequence: int, path: Path, why: str) -> None:
         _LOG.warning("transaction %d of %s was refused for good: %s", sequence, robot, why)
         with contextlib.suppress(EncodingError, RecordError):
-            self._refused[transaction_in(self._outbox.read(path)).id] = why
+            refused = transaction_in(self._outbox.read(path))
+            self._refused[refused.id], self._untold[refused.id] = why, refused
         with self.signing:
             self._outbox.refuse(path, why)
         self._sent.pop(path, None)

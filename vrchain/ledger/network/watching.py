@@ -36,12 +36,12 @@ def news_of(ledger: Ledger) -> list[News]:
         found.append(({"refused": robot, "sequence": sequence, "why": why}, line))
     if not isinstance(ledger, RobotLedger):
         return found
-    for name, (height, standing) in ledger.others.items():
+    for name, (height, standing) in list(ledger.others.items()):  # threads change it
         line = f"{name} is at block {height}, {standing.waiting} in its outbox"
         if standing.refused:
             line += f", {standing.refused} refused"
         if standing.alarms:
             line += f", {standing.alarms} times a server's log was wrong"
         found.append(({"member": name, "height": height, **standing._asdict()}, line))
-    wrong = [*ledger.alarms, *map(str, ledger.trouble.values())]
+    wrong = [*ledger.alarms, *map(str, list(ledger.trouble.values()))]
     return [*found, *[({"trouble": line}, line) for line in wrong]]

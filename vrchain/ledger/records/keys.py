@@ -100,8 +100,10 @@ def save_key(key: SigningKey, path: Path) -> None:
             file.write(pem)
             file.flush()
             os.fsync(handle)
-    except OSError as error:
+    except BaseException as error:
         path.unlink(missing_ok=True)
+        if not isinstance(error, OSError):
+            raise
         raise KeyFileError(f"cannot write the key {path}: {error.strerror}") from None
 
 

@@ -88,7 +88,8 @@ def _storage_error(doing: str, error: OSError | sqlite3.Error | UnicodeError) ->
         return DamagedError(f"the database is damaged while {doing}; run verify")
     if error.errno in _FULL:
         return StorageFullError(f"no room on the disk while {doing}; make room")
-    return StorageError(f"{error.strerror or error} while {doing}: {error.filename}")
+    where = f": {error.filename}" if error.filename else ""
+    return StorageError(f"{error.strerror or error} while {doing}{where}")
 
 
 def _database_error(doing: str, error: sqlite3.Error) -> StorageError:

@@ -23,6 +23,8 @@ def create_folder(folder: Path, first: Entry) -> None:
         is_new, is_made = _check_room(folder), False
         try:
             folder.mkdir(parents=True, exist_ok=True)
+            for leftover in folder.glob(f"{draft.name}*"):  # of a killed process of this number
+                leftover.unlink()
             _create_database(draft, first)
             try:
                 os.link(draft, made)  # unlike a rename, it replaces no ledger of another process
