@@ -245,19 +245,24 @@ def noise(seed: int) -> Panorama:
     return Panorama(rig, pixels)
 
 
-@pytest.mark.parametrize("cells", [None, ((0, 0, 0), (1, 0, 0))])
+@pytest.mark.parametrize(
+    "cells", [None, ((0, 0, 0), (1, 0, 0)), ((0, 0, 0), None), (None, (1, 0, 0))]
+)
 def test_what_is_written_is_read_again(tmp_path: Path, cells: tuple | None) -> None:
     """Both formats; the panoramas come back as they were, and others find their cylinders."""
     poses = Pose(-3.25, 1e-3, -3.0), Pose(0.1, 2.0, 0.7)
     panoramas = noise(1), noise(2)
     entries = [
-        DatabaseEntry(Path(f"at {k}.jpg"), pose, grid=cells[k] if cells else None)
+        DatabaseEntry(
+            Path(f"at {k}.jpg"), pose, floor="upper", room=k, grid=cells[k] if cells else None
+        )
         for k, pose in enumerate(poses)
     ]
     write_database(tmp_path, zip(entries, panoramas, strict=True))
     for entry, again, panorama in zip(entries, read_database(tmp_path), panoramas, strict=True):
         assert near(again.pose, *entry.pose.xy_m, math.degrees(entry.pose.yaw_rad))
         assert (again.height_m, again.grid) == (0.4, entry.grid)
+        assert (again.floor, again.room, dict(again.more)) == ("upper", entry.room, {})
         found = panorama_of(again)
         assert found.rig == panorama.rig and np.array_equal(found.views, panorama.views)
     (tmp_path / ENTRIES).unlink()
@@ -331,7 +336,11 @@ def test_a_picture_that_cannot_be_read_is_named(
     assert word in str(refused.value) and "a.png" in str(refused.value)
 
 
-@pytest.mark.parametrize("told", ["{}", '{"pose": 3}', '{"pose": {"x_m": 1, "y_m": NaN}}', "{"])
+@pytest.mark.parametrize(
+    "told",
+    ["{}", '{"pose": 3}', '{"pose": {"x_m": 1, "y_m": NaN}}', "{",
+     f'{{"pose": {{"x_m": 1{"0" * 400}, "y_m": 0, "yaw_rad": 0}}}}'],
+)  # fmt: skip
 def test_a_panorama_without_a_position_is_no_entry(tmp_path: Path, told: str) -> None:
     (tmp_path / "panorama.json").write_text(told)
     with pytest.raises(ImageError, match=r"panorama\.json: expected a"):

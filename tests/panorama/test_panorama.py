@@ -141,6 +141,7 @@ def with_view_bytes(told: object, views: bytes = b"") -> bytes:
     return with_header({"rig": rig, "view_bytes": told}) + views
 
 
+DDS = b"DDS " + struct.pack("<I", 124) + bytes(120)  # of a kind that Pillow reads, and broken
 HUGE = STORED.encode(np.zeros((4000, 4000, 3), np.uint8))  # of a rig of 16 x 16 pixels
 
 
@@ -158,8 +159,9 @@ HUGE = STORED.encode(np.zeros((4000, 4000, 3), np.uint8))  # of a rig of 16 x 16
         noise_panorama(TINY).encode() + b"x", noise_panorama(TINY).encode()[:-1],
         noise_panorama(TINY).encode().replace(b'"width_px":24', b'"width_px":25'),  # another size
         with_view_bytes([len(HUGE)], HUGE),
+        with_view_bytes([len(DDS)], DDS),
     ],
-    ids=range(23),
+    ids=range(24),
 )  # fmt: skip
 def test_what_is_no_encoded_panorama_is_refused(blob: bytes) -> None:
     with pytest.raises(ImageError):
@@ -330,7 +332,14 @@ def test_it_shows_what_a_camera_looked_at() -> None:
 
 def test_blobs_with_a_wrong_mask_are_refused() -> None:
     blob = masked(TINY).encode()
-    for wrong in (blob[:-1], blob + b"x", blob.replace(b'"seen_bytes":', b'"seen_byte":-')):
+    rig = {"n_views": 1, "width_px": 16, "height_px": 16}
+    too_long = with_header({"rig": rig, "view_bytes": [1], "seen_bytes": 10**20}) + b"1"
+    for wrong in (
+        blob[:-1],
+        blob + b"x",
+        blob.replace(b'"seen_bytes":', b'"seen_byte":-'),
+        too_long,
+    ):
         with pytest.raises(ImageError):
             Panorama.decode(wrong)
     with pytest.raises(ImageError, match="expected what is seen as bool"):

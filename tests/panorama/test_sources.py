@@ -158,6 +158,11 @@ def test_six_faces_are_known_by_their_names(names: str, named: str, tmp_path: Pa
         (Source("fisheye", pitch_deg=90), (400, 400), None),
         (Source("mirror", mirror=Mirror()), (640, 480), None),
         (Source("mirror"), (640, 480), "give --inner and --outer"),
+        (Source("cylinder"), (4096, 1), "several pixels each way"),
+        (Source("cylinder", elevations_deg=(-90, 90)), (512, 256), "several pixels each way"),
+        (Source("equirectangular", elevations_deg=(-0.05, 0.05)), (512, 256), "several pixels"),
+        (Source("equirectangular", elevations_deg=(0.1, 0.5)), (512, 256), "less than a degree"),
+        (Source("fisheye", columns=96), (1, 1), "several pixels each way"),
     ],
 )
 def test_shapes(source: Source, size: tuple[int, int], word: str | None, tmp_path: Path) -> None:

@@ -100,6 +100,7 @@ def publish(
     Broken off, the same command goes on.
     """
     from vrchain.ros.publishing import publish_bags
+    from vrchain.ros.storage import files_of
 
     *bags, folder = arguments
     if not bags:
@@ -154,7 +155,7 @@ def publish(
         told = ", ".join(f"{n} by {rule}" for rule, n in rules.items()) or "nothing new"
         earlier = f", {p.earlier} done before" if p.earlier else ""
         print(f"{p.robot}: looked {p.looks} times{earlier}, published {told}")
-    size = sum(f.stat().st_size for bag in bags for f in _files(bag)) / 1e6
+    size = sum(f.stat().st_size for bag in bags for f in files_of(bag)) / 1e6
     print(
         f"{looked} panoramas of {size:.1f} MB in {seconds:.1f} s, {looked / processor_s:.2f} a "
         f"second of one processor. Ledger head {head.hash.hex()[:16]}"
@@ -204,12 +205,6 @@ def export(
         f"wrote {output}: {made.bag.name} of {size / 1e6:.1f} MB, {made.seconds:.0f} s of "
         f"{', '.join(names)}, who published {len(made.publications)} panoramas meanwhile"
     )
-
-
-def _files(bag: Path) -> list[Path]:
-    from vrchain.ros.storage import files_of
-
-    return files_of(bag)
 
 
 def robots_told(robots: list[str] | None) -> dict[str, str]:

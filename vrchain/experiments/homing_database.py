@@ -57,6 +57,8 @@ def evaluate(
     (None where positions form no grid). MissionError: a method that there is not, or no pairs.
     """
     named = {name: method_named(name) for name in methods}
+    asked = tilts_deg, compass_errors_deg
+    tilts_deg, compass_errors_deg = (list(dict.fromkeys(degrees)) for degrees in asked)
     spacing = grid_spacing_m(entries)
     near_m = spacing_m[0] if spacing is None else 0.0  # a robot that returns comes nearer
     homes = _homes(entries, spacing_m, near_m, most_pairs, generator(seed, "homes"))

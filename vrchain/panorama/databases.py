@@ -42,6 +42,7 @@ TOUR = "zind_data.json"
 _PLAIN = ("filename", "x_m", "y_m", "heading_deg")
 _BOB = ("Filename", "X [mm]", "Y [mm]", "Heading [degrees]")
 _OWN = "Panorama"  # a column of ours: the folder of the panorama that the picture was made of
+_PLACE = ("Floor", "Room")  # of ours
 _GRID = ("Grid X", "Grid Y", "Grid Z")
 HEADINGS = "math", "compass"  # anticlockwise from x, or clockwise from y
 _ANT_WORLD_DEG = (-15.0, 60.0)  # the elevations that its pictures show
@@ -82,7 +83,7 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
     file, without ending; others find the joined cylinder there. ``read_database`` reads both.
     """
     rows: list[list[Any]] = []
-    size_px, on_grid, names = (0, 0), False, set()
+    size_px, names = (0, 0), set()
     for entry, panorama in taken:
         name = entry.file.resolve().name if entry.own else entry.file.stem
         while name in names:
@@ -90,13 +91,17 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
         names.add(name)
         (folder / name).mkdir()
         panorama.save(folder / name, {**entry.about, "pose": asdict(entry.pose)})
-        size_px, on_grid = panorama.cylinder.shape[1::-1], entry.grid is not None
+        size_px = panorama.cylinder.shape[1::-1]
         heading_deg = math.degrees(entry.pose.yaw_rad)
         mm = [1e3 * v for v in (*entry.pose.xy_m.tolist(), panorama.rig.camera_height_m)]
-        rows.append([*mm, heading_deg, f"{name}/cylinder.png", name, *(entry.grid or ())])
-    columns = [_BOB[1], _BOB[2], "Z [mm]", _BOB[3], _BOB[0], _OWN, *(_GRID if on_grid else ())]
+        where = [entry.floor, entry.room or "", *(entry.grid or ("", "", ""))]
+        rows.append([*mm, heading_deg, f"{name}/cylinder.png", name, *where])
+    columns = [_BOB[1], _BOB[2], "Z [mm]", _BOB[3], _BOB[0], _OWN, *_PLACE, *_GRID]
+    told = [k for k in range(len(columns)) if any(row[k] != "" for row in rows)]
+    on_grid = columns[told[-1]] == _GRID[-1]
     with (folder / ENTRIES).open("w", newline="") as file:
-        csv.writer(file, lineterminator="\n").writerows([columns, *rows])
+        table = [[row[k] for k in told] for row in (columns, *rows)]
+        csv.writer(file, lineterminator="\n").writerows(table)
     with (folder / "poses.csv").open("w", newline="") as file:
         plain = [[row[4], row[0] / 1e3, row[1] / 1e3, row[3]] for row in rows]
         csv.writer(file, lineterminator="\n").writerows([_PLAIN, *plain])
@@ -151,7 +156,7 @@ def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
             f"{folder / METADATA}: expected headings of {' or '.join(HEADINGS)}, got {told!r}"
         )
     source = _source_of_all(folder, metadata)
-    known = {*_BOB, *_GRID, _OWN, "Z [mm]", "Pitch [degrees]", "Roll [degrees]"}
+    known = {*_BOB, *_PLACE, *_GRID, _OWN, "Z [mm]", "Pitch [degrees]", "Roll [degrees]"}
     entries = []
     for (row, where), xy, yaw in zip(rows, places, yaws, strict=True):
         own = row.get(_OWN)
@@ -167,7 +172,9 @@ def _brains_on_board(folder: Path, headings: str | None) -> list[DatabaseEntry]:
                 _rad(roll),
                 source,
                 bool(own),
-                grid=(grid[0], grid[1], grid[2]) if len(grid) == 3 else None,
+                row.get("Floor", ""),
+                int(maybe(row, "Room", where) or 0),
+                (grid[0], grid[1], grid[2]) if len(grid) == 3 else None,
                 more={k: v for k, v in row.items() if k not in known},
             )
         )

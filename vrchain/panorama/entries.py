@@ -62,7 +62,8 @@ def source_of(entry: DatabaseEntry, asked: Source | None = None) -> Source:
         for name, rad in (("pitch", entry.pitch_rad), ("roll", entry.roll_rad))
         if rad is not None
     }
-    told = replace(entry.source, camera_height_m=entry.height_m, **tilt)
+    same = asked is None or asked.model in (Source.model, entry.source.model)
+    told = replace(entry.source if same else Source(), camera_height_m=entry.height_m, **tilt)
     if asked is None:
         return told
     default = Source()
@@ -123,7 +124,7 @@ def entry_of(folder: Path) -> DatabaseEntry:
         pose = Pose(*(float(told[name]) for name in ("x_m", "y_m", "yaw_rad")))
         if not np.isfinite([*pose.xy_m, pose.yaw_rad]).all():
             raise ValueError("a number that is none")
-    except (KeyError, TypeError, ValueError) as error:
+    except (KeyError, TypeError, ValueError, OverflowError) as error:
         raise ImageError(
             f"{folder / MARKER}: expected a `pose` of x_m, y_m and yaw_rad, as panoramas have that "
             f"were drawn or imported with a database ({error})"

@@ -124,7 +124,7 @@ class Panorama:
     def decode(cls, blob: bytes) -> "Panorama":
         """The panorama in a blob; ImageError if it is not exactly one."""
         rig, sizes, masked, end = _header(blob)
-        ends = np.cumsum([end, *sizes])
+        ends = [*itertools.accumulate([end, *sizes])]  # whole numbers of any size
         fits = len(sizes) == rig.n_views and ends[-1] + masked == len(blob) and masked >= 0
         if not fits or any(not 0 < n <= _MAX_VIEW_BYTES for n in sizes):
             raise ImageError("encoded panorama: its table of views does not fit its bytes")

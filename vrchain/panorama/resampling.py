@@ -139,8 +139,8 @@ def sharpness(cameras: Sequence[Camera]) -> Sharpness:
             found += list(np.hypot(x - x_px, y - y_px)[both] / _STEP_RAD)
     thin = np.sqrt(1 + level**2)  # a turn moves a ray less above the horizon
     return Sharpness(
-        float(np.percentile(across, _LOW)),
-        float(np.percentile(along, _LOW)) * thin,
+        float(np.percentile(across or [0.0], _LOW)),
+        float(np.percentile(along or [0.0], _LOW)) * thin,
         float(np.abs(slope[rows]).max()),
     )
 

@@ -156,7 +156,12 @@ def _panorama(
     """The panorama, and by how much it has more pixels than its source."""
     sharp = sharpness(cameras)
     if sharp.reach == 0:
-        raise ImageError(f"{what}: none of it lies within 54 degrees of the horizon: mend --pitch")
+        raise ImageError(
+            f"{what}: none of it, or less than a degree up and down, lies within 54 degrees of the "
+            "horizon: mend --pitch or --elevations"
+        )
+    if min(sharp.across, sharp.along) <= 0:
+        raise ImageError(f"{what}: expected several pixels each way, around and up and down")
     if rig is None:
         columns = source.columns or min(sharp.across * 2 * np.pi, _COLUMNS[1])
         if source.columns is None and columns < _COLUMNS[0] - 0.5:

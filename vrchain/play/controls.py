@@ -3,6 +3,7 @@
 import html
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from numbers import Real
 from typing import Any
 
 import pandas as pd
@@ -32,7 +33,7 @@ class Slider:
 
     def checked(self, name: str, value: Any) -> float:
         """The value; PlayError if the slider cannot have it."""
-        number = isinstance(value, int | float) and not isinstance(value, bool)
+        number = isinstance(value, Real) and not isinstance(value, bool)
         if not number or not self.low <= value <= self.high:
             raise PlayError(f"expected {name} from {self.low:g} to {self.high:g}, got {value!r}")
         return value

@@ -42,7 +42,7 @@ _LEAST_PX = 60
 
 
 def landmark_quality_figure(bands: pd.DataFrame, note: str = "") -> Figure:
-    """A table of ``bands.by_band``: claims a pair, the share that is right, quality."""
+    """A table of ``over_distance.by_band``: claims a pair, the share that is right, quality."""
     figure, (counts, shares, quality) = panels(13, 5.6, 1, 3)
     variants, names = list(bands.variant.unique()), list(bands.band_m.unique())
     width = _BAND / len(variants)
@@ -85,7 +85,7 @@ def landmark_quality_figure(bands: pd.DataFrame, note: str = "") -> Figure:
 
 
 def precision_recall_figure(curves: pd.DataFrame, note: str = "") -> Figure:
-    """A table of ``bands.precision_recall``: a panel a band, a line a variant."""
+    """A table of ``over_distance.precision_recall``: a panel a band, a line a variant."""
     bands, variants = list(curves.band_m.unique()), list(curves.variant.unique())
     figure, ((first, *_),) = panels(
         4.4 * max(2, len(bands)), 5.0, 1, len(bands), sharex=True, sharey=True, squeeze=False
