@@ -138,6 +138,32 @@ def test_an_error_of_writing_is_said_plainly_and_one_of_ours_stays_what_it_is(
     assert os.listdir(tmp_path) == []
 
 
+def test_what_cannot_be_read_is_not_blamed_on_what_is_written(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    with pytest.raises(FileNotFoundError), output_folder(tmp_path / "out" / "a", MARKER):
+        (tmp_path / "in.png").read_bytes()
+    assert os.listdir(tmp_path / "out") == []
+
+
+def test_an_earlier_result_that_cannot_come_back_is_kept(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    result(tmp_path / "result", "old")
+    rename, calls = Path.rename, []
+
+    def fails_later(path: Path, target: Path) -> Path:
+        calls.append(path)
+        if len(calls) > 1:
+            raise OSError(errno.EIO, "no luck")
+        return rename(path, target)
+
+    monkeypatch.setattr(Path, "rename", fails_later)
+    with pytest.raises(OutputError):
+        result(tmp_path / "result", "new")
+    (kept,) = tmp_path.iterdir()
+    assert tree(kept)[MARKER] == b"old"
+
+
 @pytest.mark.parametrize("error", [OSError(errno.EIO, "no luck"), KeyboardInterrupt()])
 @pytest.mark.parametrize("fails_at", [1, 2])
 def test_the_earlier_result_outlives_a_failed_exchange(

@@ -100,8 +100,9 @@ def output_folder(folder: str | Path, marker: str) -> Iterator[Path]:
         target.parent.mkdir(parents=True, exist_ok=True)
         scratch = Path(tempfile.mkdtemp(prefix=".vrchain-", dir=target.parent))
     try:
-        with _said_plainly(target):
+        with _said_plainly(target, scratch):
             yield scratch
+        with _said_plainly(target):
             scratch.chmod(0o755)
             _put_in_place(scratch, target)
     finally:
@@ -117,10 +118,9 @@ def _put_in_place(scratch: Path, target: Path) -> None:
         scratch.rename(target)
     except BaseException:
         if earlier.exists() and not target.exists():
-            earlier.rename(target)
+            earlier.rename(target)  # where this fails too it is left where it is
         raise
-    finally:
-        shutil.rmtree(earlier, ignore_errors=True)
+    shutil.rmtree(earlier, ignore_errors=True)
 
 
 def write_file(path: str | Path, content: bytes) -> None:
@@ -167,10 +167,18 @@ def _check_room(folder: Path) -> None:
 
 
 @contextlib.contextmanager
-def _said_plainly(target: Path) -> Iterator[None]:
+def _said_plainly(target: Path, scratch: Path | None = None) -> Iterator[None]:
+    """scratch: where alone the block writes; it may read elsewhere."""
     try:
         yield
     except OSError as error:
+        named = error.filename
+        if (
+            scratch
+            and isinstance(named, str)
+            and not Path(named).absolute().is_relative_to(scratch)
+        ):
+            raise  # of what was read
         raise OutputError(
             f"cannot write {target}: {error.strerror or error}; make room or choose another place"
         ) from error

@@ -26,11 +26,13 @@ def plugged_in(name: str, what: str, known: str, fits: Callable[[Any], bool]) ->
             source = importlib.import_module(module)
             found = getattr(source, attribute)
             why = f" ({name} is a {type(found).__name__}, not a {what})"
-        except Exception as error:
+        except (Exception, SystemExit) as error:
             why = f" ({type(error).__name__}: {' '.join(str(error).split())})"
     if source is None or not fits(found):
         raise MissionError(
             f"no {what} {name!r}{why}: there are {known}; and MODULE:NAME of your own"
         )
-    file = getattr(source, "__file__", None)
-    return found, hashlib.sha256(Path(file).read_bytes()).hexdigest() if file else ""
+    spec = getattr(source, "__spec__", None)
+    reads = getattr(spec and spec.loader, "get_data", None)  # from a file or a zip
+    origin = spec.origin if spec else None
+    return found, hashlib.sha256(reads(origin)).hexdigest() if reads and origin else ""

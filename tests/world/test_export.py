@@ -116,6 +116,20 @@ def test_light_on_the_ground_is_a_sheet_over_it() -> None:
     assert np.array_equal(ground[0, :3], np.round(255 * (image[-1, 0] / 255) ** 2.2))
 
 
+def test_objects_keep_their_names_whatever_they_are() -> None:
+    """Names from a world that somebody else made; a node that meets another would replace it."""
+    tree, box = (next(o for o in small().objects if o.name == n) for n in ("tree", "a"))
+    names = ["world", "tree/0", SHADOWS]
+    corner = np.array([10.0, 20.0])
+    lit = LightMap(np.full((4, 4, 3), 90, np.uint8), -corner, corner)
+    things = [tree, *(replace(box, name=name) for name in names)]
+    glb = header(glb_bytes(replace(worlds.world(*things), ground_light=lit)))
+    nodes = {node["name"]: glb["meshes"][node["mesh"]] for node in glb["nodes"] if "mesh" in node}
+    assert [nodes[name]["extras"]["kind"] for name in names] == 3 * [box.kind]
+    assert len(nodes) == sum("mesh" in node for node in glb["nodes"])
+    assert sum(mesh["extras"]["kind"] == SHADOWS for mesh in nodes.values()) == 1
+
+
 def test_textures_can_be_shrunk_and_packed_with_loss() -> None:
     full, less = glb_bytes(small()), glb_bytes(small(), 16, webp=True)
     tree = header(less)

@@ -1,4 +1,5 @@
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -12,7 +13,7 @@ from vrchain.geometry import Pose, wrap_angle_rad
 from vrchain.panorama import CameraRig, Panorama
 from vrchain.seeding import generator
 from vrchain.world import backdrop, light
-from vrchain.world.model import Scene
+from vrchain.world.model import LightMap, Scene, place
 from vrchain.world.render import Renderer
 from vrchain.world.spec import LightSpec
 from vrchain.world.truth import GroundTruth
@@ -53,6 +54,24 @@ def test_left_is_left_and_up_is_up() -> None:
     assert np.argwhere(mask_of(cylinder, worlds.YELLOW))[:, 0].max() < rows / 2
     assert (cylinder[0, 0] == (168, 200, 232)).all()  # the sky's colour
     assert mask_of(cylinder[-1:], (90, 120, 70)).all()  # the ground's
+
+
+@pytest.mark.parametrize("stands", [True, False])
+def test_the_floor_of_what_stands_is_lit_once(stands: bool) -> None:
+    """Its light is baked, with that of the whole; what lies alone has its light in the map."""
+    floor = worlds.quad([(2, -2, 0), (6, -2, 0), (6, 2, 0), (2, 2, 0)], worlds.plain(worlds.YELLOW))
+    wall = worlds.quad([(6, 2, 0), (6, -2, 0), (6, -2, 3), (6, 2, 3)], worlds.plain(worlds.RED))
+    surfaces = [floor, wall] if stands else [floor]
+    house = place("house", "house", "of its own", surfaces, Pose(0, 0), landmark=True)
+    corner = np.array([20.0, 20.0])
+    shown = []
+    for light_of in (255, 90):
+        image = np.full((4, 4, 3), light_of, dtype=np.uint8)
+        lit = replace(worlds.world(house), ground_light=LightMap(image, -corner, corner))
+        middle = Renderer(lit).render(Pose(0, 0), worlds.SMALL_RIG).cylinder
+        below = middle[round(0.9 * len(middle)), middle.shape[1] // 2].astype(int)
+        shown.append(below)
+    assert (shown[0] == shown[1]).all() == stands
 
 
 @pytest.mark.parametrize("narrower_px", [0, 1])  # rows of 48 bytes, and of 42

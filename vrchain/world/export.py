@@ -47,7 +47,16 @@ def glb_bytes(scene: Scene, max_texture_px: int | None = None, *, webp: bool = F
     """
     import trimesh
 
-    graph = trimesh.Scene(metadata={"name": scene.name})
+    taken = {thing.name for thing in scene.objects}
+
+    def fresh(name: str) -> str:
+        """Objects keep their names; what else is named gives way."""
+        while name in taken:
+            name += "'"
+        taken.add(name)
+        return name
+
+    graph = trimesh.Scene(base_frame=fresh("world"), metadata={"name": scene.name})
     materials: dict[int, Any] = {}
     for thing in _lit_ground(scene):
         parts = join_by_texture(thing.surfaces)
@@ -60,11 +69,12 @@ def glb_bytes(scene: Scene, max_texture_px: int | None = None, *, webp: bool = F
                 materials[key] = _material(part.texture, max_texture_px)
             name, parent = thing.name, None
             if len(parts) > 1:
-                name, parent = f"{thing.name}/{number}", thing.name
+                name, parent = fresh(f"{thing.name}/{number}"), thing.name
             mesh = _mesh(part, materials[key], extras)
             graph.add_geometry(mesh, node_name=name, geom_name=name, parent_node_name=parent)
     if scene.ground_light is not None:
-        graph.add_geometry(_shadows(scene.ground_light), node_name=SHADOWS, geom_name=SHADOWS)
+        sheet = fresh(SHADOWS)
+        graph.add_geometry(_shadows(scene.ground_light), node_name=sheet, geom_name=sheet)
     glb: bytes = graph.export(
         file_type="glb",
         include_normals=False,

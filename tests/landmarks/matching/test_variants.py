@@ -4,6 +4,7 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
+from zipfile import ZipFile
 
 import numpy as np
 import pytest
@@ -70,6 +71,20 @@ def test_one_plugged_in_is_found_where_it_stands_and_known_by_its_file(
         makers.append(variant_named("plugged_in:mine").maker)
     assert makers[0] == makers[2] != makers[1]
     assert all(maker.startswith("weights ") for maker in makers)
+
+
+def test_one_that_ends_python_or_lies_in_a_zip(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(sys, "path", [*sys.path, str(tmp_path), str(tmp_path / "packed.zip")])
+    (tmp_path / "a_script.py").write_text("import sys\nsys.exit('bye')\n")
+    with pytest.raises(MissionError, match=r"no variant 'a_script:mine' \(SystemExit: bye\)"):
+        variant_named("a_script:mine")
+    with ZipFile(tmp_path / "packed.zip", "w") as packed:
+        packed.writestr(
+            "zipped.py", "from vrchain.landmarks.matching.variants import sift\nmine = sift()\n"
+        )
+    assert variant_named("zipped:mine").name == "sift"
 
 
 @pytest.mark.parametrize(

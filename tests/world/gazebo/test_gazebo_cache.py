@@ -111,6 +111,26 @@ def test_a_world_is_built_again_when_a_link_leads_elsewhere(
     assert len(built) == 2
 
 
+def test_a_world_is_built_again_when_its_pictures_come_to_lie_in_the_folders(
+    tmp_path: Path, built: list[Path]
+) -> None:
+    albedo = "<material><pbr><metal><albedo_map>a.png</albedo_map></metal></pbr></material>"
+    gz.write(tmp_path, {
+        "w/t.world": world(include("model://m")), "out/a.png": gz.png((9, 200, 9)),
+        **{f"w/{k}": v for k, v in gz.folder_of(
+            "m", model(visual(box("1 1 1"), material=albedo))).items()},
+    })  # fmt: skip
+    textures = tmp_path / "w/models/m/materials/textures"
+    textures.parent.mkdir()
+    textures.symlink_to(tmp_path / "out")
+    with told("pictures that are missing: 1 (a.png)"):
+        load_scene(tmp_path / "w/t.world")
+    textures.unlink()
+    (tmp_path / "out").rename(textures)
+    (thing,) = load_scene(tmp_path / "w/t.world").objects
+    assert thing.surfaces[0].texture[0, 0].tolist() == [9, 200, 9] and len(built) == 2
+
+
 def test_what_is_included_often_is_looked_at_once(tmp_path: Path, built: list[Path]) -> None:
     path = written(tmp_path)
     gz.write(tmp_path, {"t.world": path.read_text().replace("</world>", 9 * MORE + "</world>")})

@@ -260,3 +260,13 @@ def test_whose_name_is_its_own_keeps_it(tmp_path: Path) -> None:
     things = [model(visual("<box/>"), f"{2 * k} 0 0 0 0 0", n) for k, n in enumerate(names)]
     found = [o.name for o in load(tmp_path, "".join(things)).objects]
     assert found == ["box", "box_3", "box_2", "ball"]
+
+
+@pytest.mark.parametrize("first", ["<geometry/>", "<geometry><box/></geometry>"])
+def test_of_several_shapes_the_first_is_drawn(first: str, tmp_path: Path) -> None:
+    """However wide the others are, which would be ground."""
+    wide = f'<visual name="v">{first}<geometry>{gz.GROUND}</geometry></visual>'
+    things = gz.load(tmp_path, model(wide) + model(CUBE, name="cube")).objects
+    assert [o.name for o in things if o.kind != "ground"] == (
+        ["thing", "cube"] if "box" in first else ["cube"]
+    )

@@ -92,6 +92,8 @@ def refused(folder: Path, document: str | bytes, files: gz.Files | None = None) 
         (world(f"<population>{CRATE}<box/><model_count>0.5</model_count></population>"),
          ["test.world:1: <population>", "a whole number"]),
         (world(f"<population>{CRATE}</population>"), ["<population>", "<box> or a <cylinder>"]),
+        (world(f"<population>{CRATE}<box/><distribution><type>linear-w</type></distribution>"
+               "</population>"), ["<population>", "a distribution of random, ", "'linear-w'"]),
         (world("<population/>"), ["test.world:1: <population>", "expected a <model>"]),
         (world(f'<model name="m" placement_frame="f"><link name="l">{CUBE}</link></model>'),
          ["test.world:1: <model>", "no frame 'f'"]),
@@ -197,6 +199,16 @@ def test_links_that_leave_the_model_folders(tmp_path: Path, opened: list[Path]) 
         gz.load(tmp_path, include("model://m"), files)
     (tmp_path / "models" / "away").symlink_to(tmp_path / "secret")
     assert "models that are missing: 1" in refused(tmp_path, world(include("model://away")))
+    write(tmp_path, {"secret/scripts/a.material": "material A { }",
+                     "secret/model.config": gz.config(("1.6", "other.sdf"))})  # fmt: skip
+    script = "<material><script><name>A</name></script></material>"
+    gz.write(tmp_path, gz.folder_of("n", model(visual(box("1 1 1"), material=script))))
+    (tmp_path / "models/n/materials").mkdir()
+    (tmp_path / "models/n/materials/scripts").symlink_to(tmp_path / "secret/scripts")
+    (tmp_path / "models/n/model.config").unlink()
+    (tmp_path / "models/n/model.config").symlink_to(tmp_path / "secret/model.config")
+    with gz.told("materials that are missing, drawn grey: 1 (A)"):
+        gz.load(tmp_path, include("model://n"))
     assert not any(file.resolve().is_relative_to(tmp_path / "secret") for file in opened)
 
 

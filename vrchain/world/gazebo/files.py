@@ -61,7 +61,7 @@ class Folders:
 
     def hold(self, path: Path) -> bool:
         """Whether a path leads into one of these folders."""
-        resolved = _resolved(path)
+        resolved = Path(_noted("way", path))
         return any(resolved.is_relative_to(folder) for folder in (*self.models, self.world))
 
     def __str__(self) -> str:

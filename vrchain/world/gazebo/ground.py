@@ -36,8 +36,15 @@ def visual_of(placed: Iterable[Placed]) -> Element | None:
 
 def is_wide(visual: Visual) -> bool:
     """Whether this is a plane as wide as ground."""
-    shape = visual.element.find("geometry/plane")
+    shape = _plane(visual)
     return shape is not None and bool(plane_of(shape)[1].min() >= WIDE_M)
+
+
+def _plane(visual: Visual) -> Element | None:
+    """The plane that a visual shows: the first shape of its first geometry."""
+    shown = visual.element.find("geometry")
+    first = next(iter(shown.children), None) if shown is not None else None
+    return first if first is not None and first.tag == "plane" else None
 
 
 def plane_of(shape: Element) -> tuple[Matrix, NDArray[np.float64]]:
@@ -103,8 +110,9 @@ def terrain(
 def _level(visuals: Iterable[Visual]) -> Iterator[_Plane]:
     """Those visuals that could be ground."""
     for visual in visuals:
-        if is_wide(visual) and visual.element.number("transparency", 0.0) < 0.5:
-            turn, size_m = plane_of(next(visual.element.all("geometry")).children[0])
+        plane = _plane(visual) if is_wide(visual) else None
+        if plane is not None and visual.element.number("transparency", 0.0) < 0.5:
+            turn, size_m = plane_of(plane)
             if _is_level(visual.matrix @ turn):
                 yield visual.matrix @ turn, float(size_m.prod()), visual.element
 

@@ -156,7 +156,7 @@ class Materials:
         """The look of a <script>: its name in the scripts of its <uri>s, or in the model's own."""
         name = element.words("name")
         folders = self._script_folders(element)
-        files = list(_script_files(folders))
+        files = [f for f in _script_files(folders) if self._folders.hold(f)]
         script = self._script(name, files)
         if script is None:
             self._notes.add("materials that are missing, drawn grey", name)

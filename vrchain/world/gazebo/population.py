@@ -10,6 +10,8 @@ from vrchain import seeding
 from vrchain.world.gazebo.frames import pose_matrix
 from vrchain.world.gazebo.xml import Element
 
+_KINDS = "random", "uniform", "grid", "linear-x", "linear-y", "linear-z"
+
 
 def spread(population: Element, most: int) -> Iterator[Element]:
     """The models of a <population>, each at its place, at most so many.
@@ -38,6 +40,8 @@ def spread(population: Element, most: int) -> Iterator[Element]:
 def _places(population: Element, most: int) -> NDArray[np.float64]:
     """Places, (n, 3), about the population's pose."""
     kind = population.words("distribution/type") or "random"
+    if kind not in _KINDS:
+        raise population.error(f"expected a distribution of {', '.join(_KINDS)}, got {kind[:40]!r}")
     if kind == "grid":
         given = population.find("distribution")
         shape = [_count(population, f"distribution/{name}", 1) for name in ("cols", "rows")]

@@ -199,9 +199,9 @@ class _Reader:
             if found is None:
                 self._notes.lose("models that are missing", uri)
             return found
-        config = found / "model.config"
+        config = self._folders.find("model.config", found, include)
         named = "model.sdf"
-        if is_file(config):
+        if config is not None and is_file(config):
             listed = list(parse(read_bytes(config, MOST_XML_BYTES), config).all("sdf"))
             if listed:
                 named = max(listed, key=_version).text

@@ -77,11 +77,11 @@ class Renderer:
         # To the sky's other side, where a map is so large.
         self._far_m = max([_FAR_M, *(2 * float(np.abs(s.vertices_m).max()) for _, s in sky)])
         light = scene.ground_light
-        floor = [(i, s) for i, s in drawn if light and (s.vertices_m[:, 2] == light.height_m).all()]
-        on_floor = {id(s) for _, s in floor}
+        flat = [o for o in scene.objects if light and (o.bounds_m[:, 2] == light.height_m).all()]
+        on_floor = {id(s) for o in flat for s in o.surfaces}  # what stands is lit, its floor too
         self._robot_textures: dict[str, Any] = {}
         self._standing = [
-            *_prepared(floor, join_by_texture, light),
+            *_prepared([(i, s) for i, s in drawn if id(s) in on_floor], join_by_texture, light),
             *_prepared([(i, s) for i, s in drawn if id(s) not in on_floor], pack),
             *_prepared(sky, pack),  # last, so that little of it is drawn in vain
         ]
