@@ -304,8 +304,8 @@ def waits_ms(made: Team, seconds: float, robots: Sequence[str] = ()) -> dict[str
     return waits
 
 
-def check_same(made: Team) -> None:
-    """LedgerError unless all robots' folders have one head, and verify."""
+def check_same(made: Team) -> tuple[int, bool]:
+    """How many different heads the robots' folders have, and whether all verify; LedgerError."""
     heads, good = set(), True
     for robot in made.robots:
         with made.open(robot) as ledger:
@@ -314,6 +314,7 @@ def check_same(made: Team) -> None:
         good = good and verify(made.folder / robot).ok
     if len(heads) != 1 or not good:
         raise LedgerError(f"expected one head and good folders, got {len(heads)} heads, {good}")
+    return len(heads), good
 
 
 def _await(ledger: Ledger, sent: Transaction) -> None:

@@ -78,12 +78,12 @@ def kills(times: int = 2, all_at_once: int = 1, *, seed: int = 0) -> pd.DataFram
         for robot in made.robots:
             found |= _killed_robot(made, robot)
             stalls.setdefault("robot", []).append(float("nan"))
-        check_same(made)
+        heads, verified = check_same(made)
         with Ledger.open(made.folder / "R1") as copy:
             records = [record for entry in copy.entries() for record in entry.records]
         chain = [record.id for record in records if isinstance(record, Transaction)]
     ids = {t.id for t in acknowledged} | found
-    rest = (len(ids), len(chain), len(ids - {*chain}), len(chain) - len({*chain}), True, 1)
+    rest = (len(ids), len(chain), len(ids - {*chain}), len(chain) - len({*chain}), verified, heads)
     rows = [(kind, len(s), max(s), *rest) for kind, s in stalls.items()]
     columns = ["killed", "times", "stalled_s", "acknowledged", "in_chain", "lost", "doubled"]
     return pd.DataFrame(rows, columns=[*columns, "verified", "heads"])
