@@ -20,7 +20,6 @@ LEVELS = {
     "seeding": 0,
     "paths": 0,
     "extras": 0,
-    "interrupts": 0,
     "files": 0,
     "allocator": 0,
     "lazy": 0,
@@ -53,7 +52,6 @@ ONLY = {
         "paths",
         "files",
         "extras",
-        "interrupts",
     },  # a payload is bytes and their digest
     "panorama": {"errors", "geometry", "seeding", "files"},
     "homing": {"errors", "geometry", "seeding", "plugins", "panorama", "landmarks"},

@@ -2,9 +2,12 @@ import contextlib
 import errno
 import os
 import shutil
+import signal
 import socket
 import stat
 import subprocess
+import threading
+import time
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,6 +22,7 @@ from vrchain.files import (
     code_digest,
     name_of,
     output_folder,
+    uninterrupted,
     write_file,
 )
 
@@ -348,3 +352,21 @@ def test_results_of_other_code_have_another_name(tmp_path: Path) -> None:
         assert digest() != before
         before = digest()
     assert len(code_digest()) == 64
+
+
+def test_a_signal_that_another_thread_receives_waits_too() -> None:
+    """As those of linear algebra do; Python's handlers run in the main thread all the same."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    ended, done = threading.Event(), []
+    other = threading.Thread(target=ended.wait)
+    other.start()
+    try:
+        with pytest.raises(KeyboardInterrupt), uninterrupted():
+            signal.pthread_kill(other.ident or 0, signal.SIGINT)
+            done += [time.sleep(0.01) for _ in range(20)]
+        assert len(done) == 20
+        assert signal.getsignal(signal.SIGINT) is signal.default_int_handler
+    finally:
+        signal.signal(signal.SIGINT, before)
+        ended.set()
+        other.join()

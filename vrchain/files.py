@@ -1,4 +1,4 @@
-"""Writing results so that a reader sees all of them or none."""
+"""Writing results so that a reader sees all of them or none, and Ctrl-C put off meanwhile."""
 
 import contextlib
 import functools
@@ -6,14 +6,17 @@ import hashlib
 import json
 import os
 import shutil
+import signal
 import stat
 import tempfile
+import threading
 from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 from vrchain.errors import OutputError
 
+ENDING = signal.SIGINT, signal.SIGTERM
 _SHOWS = ("cli", "plots", "viewer")
 # By other versions of these what is seen may differ in its last bits, and so what is decided.
 _LIBRARIES = (
@@ -182,3 +185,23 @@ def _said_plainly(target: Path, scratch: Path | None = None) -> Iterator[None]:
         raise OutputError(
             f"cannot write {target}: {error.strerror or error}; make room or choose another place"
         ) from error
+
+
+@contextlib.contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Signals to end wait until the block does.
+
+    Handlers are put off, not the signals blocked: another thread may receive what one blocks.
+    """
+    if threading.current_thread() is not threading.main_thread():
+        yield  # handlers do not run here
+        return
+    came: list[int] = []
+    before = {n: signal.signal(n, lambda number, frame: came.append(number)) for n in ENDING}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            signal.raise_signal(came[0])

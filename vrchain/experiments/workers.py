@@ -15,7 +15,7 @@ from tqdm.auto import tqdm
 
 from vrchain.allocator import keep_freed_memory
 from vrchain.errors import WorkerError
-from vrchain.interrupts import ENDING, uninterrupted
+from vrchain.files import ENDING, uninterrupted
 
 MOST = 4  # processes, if nobody says how many: each holds a scene
 # For each of several processes that share the cores: more threads would wait for one another.

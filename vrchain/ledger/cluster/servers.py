@@ -18,8 +18,7 @@ from pathlib import Path
 from typing import Any
 
 from vrchain.extras import require
-from vrchain.files import check_output_folder, write_file
-from vrchain.interrupts import uninterrupted
+from vrchain.files import check_output_folder, uninterrupted, write_file
 from vrchain.ledger.cluster.config import Node, Users, server_config
 from vrchain.ledger.cluster.monitor import asked, row_of
 from vrchain.ledger.errors import ClusterError, UnavailableError
