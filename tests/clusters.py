@@ -2,10 +2,11 @@
 
 import contextlib
 import importlib.util
+import json
 import socket
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 
 import pytest
@@ -55,6 +56,35 @@ def emptied(cluster: Cluster, key: SigningKey | None = None) -> None:
     with Connection(Servers.at(cluster.address, key=key, name="operator")) as connection:
         connection.run(delete, 20)
     cluster.set_up(key, "operator")
+
+
+@contextlib.contextmanager
+def pretended(greeting: Mapping[str, object], hangs: bool = False) -> Iterator[str]:
+    """The address of what greets as a server does, and answers pings alone.
+
+    hangs: after the first it takes nothing more, and its machine acknowledges that.
+    """
+    usual = {"version": "2.15.1", "headers": True, "max_payload": 8 << 20, "jetstream": True}
+    with contextlib.ExitStack() as stack:
+        listener = stack.enter_context(socket.create_server(("127.0.0.1", 0)))
+
+        def serve() -> None:
+            with contextlib.suppress(OSError):
+                while True:
+                    connection = stack.enter_context(listener.accept()[0])
+                    connection.sendall(f"INFO {json.dumps({**usual, **greeting})}\r\n".encode())
+                    threading.Thread(target=answer, args=(connection,), daemon=True).start()
+
+        def answer(connection: socket.socket) -> None:
+            with contextlib.suppress(OSError):
+                while data := connection.recv(1 << 12):
+                    if b"PING" in data:
+                        connection.sendall(b"PONG\r\n")
+                        if hangs:
+                            return
+
+        threading.Thread(target=serve, daemon=True).start()
+        yield f"nats://127.0.0.1:{listener.getsockname()[1]}"
 
 
 @contextlib.contextmanager

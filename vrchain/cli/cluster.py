@@ -221,6 +221,7 @@ def put(
         with contextlib.closing(Stream(Connection(servers))) as stream, doing("putting blocks"):
             set_up(stream.connection, replicas, int(max_gb * 1e9) if max_gb else None)
             height = stream.newest()
+            # before the folder is bound to these servers, which may carry another ledger
             check_is_part_of(opened, stream, min(height, opened.head.height))
             opened.follow_from_now()
             count = put_blocks(opened, stream, height)

@@ -18,7 +18,6 @@ from vrchain.cli.evaluate import (
     tell,
 )
 from vrchain.cli.options import SUBURB, Json, Model, SpecOrSuburb
-from vrchain.errors import ImageError
 
 
 @app.command()
@@ -257,16 +256,13 @@ def homing_database(
     grid. Intervals: 95 %, bootstrap over homes.
     """
     from vrchain.experiments import homing_database as experiment
-    from vrchain.panorama.databases import read_database
+    from vrchain.panorama.databases import read_database, source_of
     from vrchain.panorama.sources import Source
 
     asked: dict[str, Any] = {"methods": method} if method else {}
     entries = read_database(folder)
     if model:
-        if any(entry.own for entry in entries):
-            raise ImageError(f"{folder}: holds panoramas, taken as they are: leave out --model")
-        same = {entry.source for entry in entries if entry.source.model == model}
-        entries = [e if e.source in same else replace(e, source=Source(model)) for e in entries]
+        entries = [replace(e, source=source_of(e, Source(model))) for e in entries]
     found = experiment.evaluate(
         entries, seed=seed, most_pairs=pairs, spacing_m=spacing,
         tilts_deg=tilt or (0.0,), compass_errors_deg=compass_error or (0.0,), **asked,

@@ -10,14 +10,13 @@ from pathlib import Path
 from vrchain.errors import LedgerError
 from vrchain.ledger.errors import AccessError, DamagedError, ReplacedError
 from vrchain.ledger.records.block import Record
-from vrchain.ledger.records.transaction import Transaction
 from vrchain.ledger.rules.validity import State, begin, follow
 from vrchain.ledger.storage.blobs import BlobStore
 from vrchain.ledger.storage.database import connect, last_height, oversized, read_entries
 from vrchain.ledger.storage.durable import storage_errors
 from vrchain.ledger.storage.place import BLOBS_NAME, Place, database_in
 from vrchain.ledger.storage.resume import first_unreadable
-from vrchain.ledger.storage.retention import Retention
+from vrchain.ledger.storage.retention import Retention, named_by
 
 
 @dataclass(frozen=True)
@@ -93,7 +92,7 @@ def _verify(
                 state = follow(state, *entry) if state else begin(*entry)
                 for record in entry.records:
                     retention.take(record, height)
-                    for blob in getattr(record, "blobs", ()):  # it may have come again since
+                    for blob in named_by([record]):  # it may have come again since
                         missing.pop(blob, None)
                     missing |= _missing(blobs, record)
                 known = known or entry.block.hash == expected_head
@@ -127,7 +126,7 @@ def _bad(height: int, reason: str) -> Verification:
 def _missing(blobs: BlobStore, record: Record) -> dict[bytes, str]:
     """What is wrong with the blobs that the record names, by digest."""
     found = {}
-    for blob in record.blobs if isinstance(record, Transaction) else ():
+    for blob in named_by([record]):
         try:
             with storage_errors("reading a payload"):
                 blobs.get(blob)

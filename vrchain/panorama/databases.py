@@ -97,7 +97,8 @@ def write_database(folder: Path, taken: Iterable[tuple[DatabaseEntry, Panorama]]
         where = [entry.floor, entry.room or "", *(entry.grid or ("", "", ""))]
         rows.append([*mm, heading_deg, f"{name}/cylinder.png", name, *where])
     columns = [_BOB[1], _BOB[2], "Z [mm]", _BOB[3], _BOB[0], _OWN, *_PLACE, *_GRID]
-    told = [k for k in range(len(columns)) if any(row[k] != "" for row in rows)]
+    unsure = {k for k, name in enumerate(columns) if name in (*_PLACE, *_GRID)}
+    told = [k for k in range(len(columns)) if k not in unsure or any(row[k] != "" for row in rows)]
     on_grid = columns[told[-1]] == _GRID[-1]
     with (folder / ENTRIES).open("w", newline="") as file:
         table = [[row[k] for k in told] for row in (columns, *rows)]

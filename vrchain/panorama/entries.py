@@ -56,7 +56,15 @@ def panorama_of(
 
 
 def source_of(entry: DatabaseEntry, asked: Source | None = None) -> Source:
-    """How an entry's picture is to be read: what is asked for, and else what the entry tells."""
+    """How an entry's picture is to be read: what is asked for, and else what the entry tells.
+
+    ImageError for a panorama of ours of which something is asked: it is as it is.
+    """
+    if entry.own and asked not in (None, Source()):
+        raise ImageError(
+            f"{entry.file}: is a panorama already, which is taken as it is: leave out how pictures "
+            "are to be read"
+        )
     tilt: dict[str, Any] = {
         f"{name}_deg": math.degrees(rad)
         for name, rad in (("pitch", entry.pitch_rad), ("roll", entry.roll_rad))
@@ -79,19 +87,15 @@ def opened(
 ) -> Iterator[tuple[DatabaseEntry, Panorama]]:
     """Entries with their panoramas, all in the rig of the first. upsampled: gets each one's.
 
-    ImageError for a panorama of ours with a source: it is as it is.
+    ImageError as ``source_of``.
     """
     rig = None
     for entry in entries:
+        read_so = source_of(entry, source)
         if entry.own:
-            if source not in (None, Source()):
-                raise ImageError(
-                    f"{entry.file}: is a panorama already, which is taken as it is: leave out how "
-                    "pictures are to be read"
-                )
             panorama, about = Panorama.load(entry.file), read_json(entry.file / MARKER)
         else:
-            imported = import_panorama(entry.file, source_of(entry, source), rig)
+            imported = import_panorama(entry.file, read_so, rig)
             panorama, about = imported.panorama, imported.about
             if upsampled is not None:
                 upsampled.append(imported.upsampled)

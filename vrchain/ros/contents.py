@@ -241,12 +241,15 @@ def clocked(stamps_ns: Iterable[int], received_ns: Iterable[int]) -> tuple[Times
 
 def ahead_s(topic: Topic, other: Topic) -> float:
     """By how much a topic's clock is ahead of another's; below zero it may be late instead."""
-    told, received = (
-        [np.array(times) for times in (t.stamps_ns, t.received_ns)] for t in (topic, other)
-    )
-    fast = [np.where(stamps != 0, stamps - came, 0) for stamps, came in (told, received)]
-    last = np.searchsorted(received[1], told[1], side="right") - 1  # of the other's, before it
-    return float(np.median(fast[0] - fast[1][last.clip(0)])) / 1e9
+    own_ns, others_ns = (np.array(t.received_ns) for t in (topic, other))
+    own_fast_ns, others_fast_ns = (
+        np.where(stamps_ns != 0, stamps_ns - came_ns, 0)
+        for stamps_ns, came_ns in (
+            (np.array(topic.stamps_ns), own_ns), (np.array(other.stamps_ns), others_ns),
+        )
+    )  # fmt: skip
+    last = np.searchsorted(others_ns, own_ns, side="right") - 1  # of the other's, before each
+    return float(np.median(own_fast_ns - others_fast_ns[last.clip(0)])) / 1e9
 
 
 def gaps_of(topic: Topic) -> dict[str, float]:

@@ -1,13 +1,11 @@
 """What servers answer, as an error of ours: to wait, to go on from elsewhere, or to mend."""
 
 import contextlib
-import json
-import socket
-import threading
 import time
 from pathlib import Path
 
 import pytest
+from clusters import pretended
 
 from vrchain.ledger import errors
 from vrchain.ledger.network import connection as module
@@ -68,47 +66,18 @@ def test_certificates_that_cannot_be_read_are_not_waited_for(
         connection.run(lambda client: client.flush())
 
 
-class Server:
-    """Says hello and reads on, or hangs then: it takes nothing more, and acknowledges it."""
-
-    def __init__(self, hangs: bool) -> None:
-        self._listens = socket.create_server(("127.0.0.1", 0))
-        self.port, self.hangs, self.n_bytes = self._listens.getsockname()[1], hangs, 0
-        self._open: list[socket.socket] = []
-        threading.Thread(target=self._serve, daemon=True).start()
-
-    def _serve(self) -> None:
-        hello = {"server_id": "x", "version": "2.12.0", "jetstream": True, "headers": True,
-                 "max_payload": 8 << 20, "proto": 1, "host": "h", "port": self.port}  # fmt: skip
-        with contextlib.suppress(OSError):  # it is closed
-            while True:
-                client, _ = self._listens.accept()
-                self._open.append(client)
-                client.sendall(b"INFO " + json.dumps(hello).encode() + b"\r\n")
-                client.recv(4096)
-                client.sendall(b"PONG\r\n")
-                while not self.hangs and (data := client.recv(1 << 20)):
-                    self.n_bytes += len(data)
-                    client.sendall(b"PONG\r\n" * data.count(b"PING\r\n"))
-
-    def close(self) -> None:
-        for each in (self._listens, *self._open):
-            each.close()
-
-
 def test_a_server_that_hangs_is_left_though_it_takes_nothing(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """What is unsent would be waited for until TCP gives up, which it never does."""
     pytest.importorskip("nats")
     monkeypatch.setattr(module, "_PING_S", 0.3)
-    hung, good = Server(hangs=True), Server(hangs=False)
-    hosts = f"nats://127.0.0.1:{hung.port},127.0.0.1:{good.port}"
-    with contextlib.closing(hung), contextlib.closing(good):
+    with pretended({}, hangs=True) as hung, pretended({}) as good:
+        hosts = f"{hung},{good.removeprefix('nats://')}"
         stream = Stream(Connection(Servers.at(hosts, timeout_s=1.0, in_order=True)))
         try:
             until_s = time.monotonic() + 30
-            while not stream.connection.server.endswith(str(good.port)):
+            while not good.endswith(stream.connection.server):
                 with contextlib.suppress(errors.UnavailableError):
                     stream.offer("R1", bytes(32), bytes(4_000_000))
                 assert time.monotonic() < until_s, stream.connection.server
@@ -116,11 +85,10 @@ def test_a_server_that_hangs_is_left_though_it_takes_nothing(
             stream.close()
 
 
-def test_it_leaves_a_server_that_hangs(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_it_leaves_a_server_that_hangs() -> None:
     pytest.importorskip("nats")
-    hung = Server(hangs=True)
-    with contextlib.closing(hung):
-        stream = Stream(Connection(Servers.at(f"nats://127.0.0.1:{hung.port}", timeout_s=0.5)))
+    with pretended({}, hangs=True) as address:
+        stream = Stream(Connection(Servers.at(address, timeout_s=0.5)))
         with pytest.raises(errors.UnavailableError):
             stream.offer("R1", bytes(32), bytes(4_000_000))
         stream.close()

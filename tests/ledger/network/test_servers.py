@@ -16,7 +16,14 @@ from dataclasses import asdict, replace
 from pathlib import Path
 
 import pytest
-from clusters import PATIENCE_S, emptied, eventually, making, skip_without_servers
+from clusters import (
+    PATIENCE_S,
+    emptied,
+    eventually,
+    making,
+    pretended,
+    skip_without_servers,
+)
 from ledgers import KEYS, OPERATOR_KEY, files, small_ledger
 from typer.testing import CliRunner
 
@@ -57,31 +64,6 @@ def newest(address: str, **options: object) -> int:
     servers = Servers.at(address, **({"timeout_s": 2.0} | options))
     with contextlib.closing(Stream(Connection(servers))) as stream:
         return stream.newest()
-
-
-@contextlib.contextmanager
-def pretended(info: dict[str, object]) -> Iterator[str]:
-    """Something that greets as a server does, and answers pings alone."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-
-        def serve() -> None:
-            with contextlib.suppress(OSError):
-                while True:
-                    connection, _ = listener.accept()
-                    connection.sendall(f"INFO {json.dumps(info)}\r\n".encode())
-                    threading.Thread(target=answer, args=(connection,), daemon=True).start()
-
-        def answer(connection: socket.socket) -> None:
-            with contextlib.suppress(OSError):
-                while data := connection.recv(1 << 12):
-                    if b"PING" in data:
-                        connection.sendall(b"PONG\r\n")
-
-        threading.Thread(target=serve, daemon=True).start()
-        yield f"nats://127.0.0.1:{listener.getsockname()[1]}"
-
-
-GREETING = {"version": "2.15.1", "headers": True, "max_payload": 8 << 20, "jetstream": True}
 
 
 def test_a_member_and_a_maker_work_with_their_keys_alone(guarded: Cluster, tmp_path: Path) -> None:
@@ -162,7 +144,7 @@ def test_a_server_too_old_or_without_jetstream(
     greeting: dict[str, object], complaint: str, folder: Path
 ) -> None:
     skip_without_servers()
-    with pretended(GREETING | greeting) as address:
+    with pretended(greeting) as address:
         with pytest.raises(errors.ClusterError, match=complaint):
             newest(address)
         with open_ledger(address, folder, timeout_s=2.0) as opened:

@@ -36,15 +36,16 @@ def visual_of(placed: Iterable[Placed]) -> Element | None:
 
 def is_wide(visual: Visual) -> bool:
     """Whether this is a plane as wide as ground."""
-    shape = _plane(visual)
-    return shape is not None and bool(plane_of(shape)[1].min() >= WIDE_M)
+    return _wide_plane(visual) is not None
 
 
-def _plane(visual: Visual) -> Element | None:
-    """The plane that a visual shows: the first shape of its first geometry."""
+def _wide_plane(visual: Visual) -> Element | None:
+    """The first shape of a visual's first geometry, if it is such a plane."""
     shown = visual.element.find("geometry")
     first = next(iter(shown.children), None) if shown is not None else None
-    return first if first is not None and first.tag == "plane" else None
+    if first is None or first.tag != "plane" or plane_of(first)[1].min() < WIDE_M:
+        return None
+    return first
 
 
 def plane_of(shape: Element) -> tuple[Matrix, NDArray[np.float64]]:
@@ -110,7 +111,7 @@ def terrain(
 def _level(visuals: Iterable[Visual]) -> Iterator[_Plane]:
     """Those visuals that could be ground."""
     for visual in visuals:
-        plane = _plane(visual) if is_wide(visual) else None
+        plane = _wide_plane(visual)
         if plane is not None and visual.element.number("transparency", 0.0) < 0.5:
             turn, size_m = plane_of(plane)
             if _is_level(visual.matrix @ turn):
